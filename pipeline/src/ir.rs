@@ -1,0 +1,115 @@
+//! The checked garment: metres, radians, every reference resolved. What `source` and `check` make and the stages
+//! read; knows no file format.
+
+use glam::{Quat, Vec2, Vec3};
+use kitsuke::skeleton::{Bone, Skeleton};
+
+/// A kimono as the artist gave it, checked.
+#[derive(Clone, Debug)]
+pub struct Garment {
+    /// Catalog name = folder name.
+    pub id: String,
+    /// The name people read.
+    pub name: String,
+    /// The base in its T-pose, in the file's own vertex order.
+    pub base: Surface,
+    /// The wearer on whom base and targets were made.
+    pub body: Body,
+    /// A rigid band worn over it (obi), for pictures and to know where the skirt begins.
+    pub obi: Option<Surface>,
+    /// The base colour texture, PNG bytes as in the file.
+    pub texture_png: Option<Vec<u8>>,
+    /// The joints of the pose table.
+    pub pose_bones: Vec<Bone>,
+    /// The target shapes, in the order of the pose table.
+    pub targets: Vec<TargetShape>,
+    /// Drivers, in the manifest's order.
+    pub drivers: Vec<Driver>,
+    /// How the regions are made.
+    pub regions: Regions,
+    /// Measured paths (P1), by name.
+    pub paths: Vec<MeasuredPath>,
+    /// How far the blended surface may lie from the target files, metres.
+    pub budget_m: f32,
+}
+
+/// A triangle mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Metres, in file order.
+    pub positions_m: Vec<Vec3>,
+    /// Vertex indices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Texture coordinates in file order; empty when the file has none.
+    pub uv: Vec<Vec2>,
+    /// Texture-coordinate indices, one triple per triangle; empty when the file has none.
+    pub uv_triangles: Vec<[u32; 3]>,
+    /// Named pieces: runs of triangles, in order.
+    pub parts: Vec<Part>,
+}
+
+/// A named run of triangles.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Group name in the file.
+    pub name: String,
+    /// Number of triangles after those of the part before.
+    pub triangle_count: u32,
+}
+
+/// A body with skeleton and skin weights, in the T-pose.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// The skin's surface.
+    pub surface: Surface,
+    /// Joints and rest positions.
+    pub skeleton: Skeleton,
+    /// Per vertex up to four (joint index, weight), weights summing to 1.
+    pub skin: Vec<[(u8, f32); 4]>,
+}
+
+/// One target: a pose and the shape of the kimono in it.
+#[derive(Clone, Debug)]
+pub struct TargetShape {
+    /// The pose table's name.
+    pub name: String,
+    /// Path as in the pose table, for reports.
+    pub file: String,
+    /// Local rotations of `pose_bones`.
+    pub rotations: Vec<Quat>,
+    /// Positions as simulated or scanned, metres, in the base's vertex order.
+    pub positions_m: Vec<Vec3>,
+}
+
+/// A joint or group of joints that chooses among the samples.
+#[derive(Clone, Debug)]
+pub struct Driver {
+    /// The manifest's name.
+    pub name: String,
+    /// Joints compared.
+    pub joints: Vec<Bone>,
+    /// Similar means no farther than this.
+    pub threshold_rad: f32,
+}
+
+/// Where the region masks come from.
+#[derive(Clone, Debug)]
+pub enum Regions {
+    /// Grown from where the targets differ.
+    Auto,
+    /// Painted: per driver one weight in 0..=1 per base vertex, read from PNG through UV.
+    Painted(Vec<Vec<f32>>),
+}
+
+/// A tailoring dimension as a path along edges of the base.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredPath {
+    /// For example `sode_take_left`.
+    pub name: String,
+    /// Kanji.
+    pub ja: String,
+    /// Base vertices, each joined to the next by an edge.
+    pub vertices: Vec<u32>,
+    /// Added to the sum of the edge lengths, metres.
+    pub offset_m: f32,
+}

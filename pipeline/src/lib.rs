@@ -1,0 +1,4 @@
+//! Builds kimono packs: Source → Ir → Pack. `build` is the table of contents; one file per stage.
+
+pub mod diagnostic;
+pub mod ir;

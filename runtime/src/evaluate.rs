@@ -1,0 +1,1 @@
+//! Per frame: rates, masked blend, skinning, normals. Neither allocates nor fails.

@@ -1,0 +1,20 @@
+//! # kitsuke: evaluates kimono blendshape packs
+//!
+//! Open a pack once, then evaluate it for every frame:
+//!
+//! ```text
+//! let pack = kitsuke::Pack::open(&bytes)?;
+//! let garment = pack.garment();
+//! let mut scratch = kitsuke::Scratch::new(garment);
+//! let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+//! let mut normals = positions_m.clone();
+//! kitsuke::evaluate(garment, &pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+//! ```
+//!
+//! The crate opens no file, starts no thread and reads no clock.
+
+pub mod evaluate;
+pub mod garment;
+pub mod pack;
+pub mod pose_blend;
+pub mod skeleton;

@@ -1,0 +1,1 @@
+//! P0: from a pose to blend rates. Knows no mesh.

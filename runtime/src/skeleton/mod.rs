@@ -1,0 +1,146 @@
+//! Bones, the wearer's skeleton and a pose of it. Knows no garment; each foreign recording format has a file of its
+//! own beside this one, behind a feature.
+
+mod bone;
+#[cfg(feature = "bvh")]
+pub mod bvh;
+
+pub use bone::Bone;
+use glam::{Affine3A, Quat, Vec3};
+
+/// One joint of a [`Skeleton`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// Which bone turns about this joint.
+    pub bone: Bone,
+    /// Index of the parent joint in the same skeleton, always smaller than the joint's own; `None` for the root alone.
+    pub parent: Option<u8>,
+    /// Position in the T-pose, metres, in the garment's space (Y up, front +Z, the wearer's left +X).
+    pub rest_m: Vec3,
+}
+
+/// A skeleton in its T-pose: joints, each after its parent, whose axes are all parallel to the world's (the
+/// VRM-normalised rest pose), so that a rest pose is positions alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Skeleton {
+    joints: Vec<Joint>,
+}
+
+/// Why a list of joints is no skeleton.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SkeletonError {
+    /// There is no joint, or more than there are bones.
+    #[error("a skeleton has 1 to 55 joints, not {0}")]
+    Count(usize),
+    /// The first joint is not the one root, or a later one has no parent.
+    #[error("joint {0} must have a parent, and the first joint must have none")]
+    Root(usize),
+    /// A joint comes before its parent.
+    #[error("joint {0} comes before its parent")]
+    Order(usize),
+    /// Two joints are the same bone.
+    #[error("bone {} occurs twice", .0.name())]
+    Twice(Bone),
+    /// A rest position is not a finite number within 100 m.
+    #[error("joint {0} rests at no usable position")]
+    Position(usize),
+}
+
+impl Skeleton {
+    /// Checks that the joints form a tree in order, each bone once, at finite places.
+    ///
+    /// # Errors
+    /// Names the first joint that breaks a rule.
+    pub fn new(joints: Vec<Joint>) -> Result<Skeleton, SkeletonError> {
+        if joints.is_empty() || joints.len() > Bone::COUNT {
+            return Err(SkeletonError::Count(joints.len()));
+        }
+        let mut seen = [false; Bone::COUNT];
+        for (i, joint) in joints.iter().enumerate() {
+            if joint.parent.is_none() != (i == 0) {
+                return Err(SkeletonError::Root(i));
+            }
+            if joint.parent.is_some_and(|parent| usize::from(parent) >= i) {
+                return Err(SkeletonError::Order(i));
+            }
+            if std::mem::replace(&mut seen[joint.bone as usize], true) {
+                return Err(SkeletonError::Twice(joint.bone));
+            }
+            if !(joint.rest_m.is_finite() && joint.rest_m.abs().max_element() <= 100.0) {
+                return Err(SkeletonError::Position(i));
+            }
+        }
+        Ok(Skeleton { joints })
+    }
+
+    /// The joints, parents first.
+    #[must_use]
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// The index of a bone's joint, if this skeleton has it.
+    #[must_use]
+    pub fn index_of(&self, bone: Bone) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.bone == bone)
+    }
+
+    /// Writes, for every joint, the transform from the T-pose to the pose (`posed_from_rest`), which is what skinning
+    /// needs. Bones that the skeleton lacks are left out of the chain.
+    ///
+    /// # Panics
+    /// When `posed_from_rest` is not as long as [`Skeleton::joints`].
+    pub fn posed_from_rest(&self, pose: &Pose, posed_from_rest: &mut [Affine3A]) {
+        assert_eq!(posed_from_rest.len(), self.joints.len(), "one transform per joint");
+        for (i, joint) in self.joints.iter().enumerate() {
+            let rotation = pose.rotations[joint.bone as usize];
+            let about_joint = Affine3A::from_translation(joint.rest_m)
+                * Affine3A::from_quat(rotation)
+                * Affine3A::from_translation(-joint.rest_m);
+            posed_from_rest[i] = match joint.parent {
+                Some(parent) => posed_from_rest[usize::from(parent)] * about_joint,
+                None => Affine3A::from_translation(pose.hips_translation_m) * about_joint,
+            };
+        }
+    }
+}
+
+/// A pose: for every VRM bone the local rotation relative to the T-pose, and how far the hips have moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// Unit quaternions by `Bone as usize`; identity is the T-pose. World rotation of a joint = product from the root.
+    pub rotations: [Quat; Bone::COUNT],
+    /// Translation of the hips from their rest position, metres.
+    pub hips_translation_m: Vec3,
+}
+
+impl Pose {
+    /// The T-pose.
+    pub const REST: Pose = Pose { rotations: [Quat::IDENTITY; Bone::COUNT], hips_translation_m: Vec3::ZERO };
+
+    /// The local rotation of a bone.
+    #[must_use]
+    pub fn rotation(&self, bone: Bone) -> Quat {
+        self.rotations[bone as usize]
+    }
+
+    /// This pose with one bone turned.
+    #[must_use]
+    pub fn with(mut self, bone: Bone, rotation: Quat) -> Pose {
+        self.rotations[bone as usize] = rotation;
+        self
+    }
+
+    /// Whether every number is finite and every rotation a unit quaternion within 1e-3.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.hips_translation_m.is_finite()
+            && self.rotations.iter().all(|q| q.is_finite() && (q.length_squared() - 1.0).abs() <= 2e-3)
+    }
+}
+
+impl Default for Pose {
+    fn default() -> Pose {
+        Pose::REST
+    }
+}

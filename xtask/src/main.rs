@@ -1,0 +1,2 @@
+//! `cargo xtask <verb>`: one file per verb.
+fn main() {}
