@@ -1,0 +1,37 @@
+//! `cargo xtask ci`: exactly what CI runs after the catalog is built, each step named before it starts.
+
+use std::process::{Command, ExitCode};
+
+/// Formatting, lints, every test, documentation, and the catalog against its committed index.
+const STEPS: &[(&str, &[&str], &[(&str, &str)])] = &[
+    ("format", &["fmt", "--all", "--check"], &[]),
+    ("lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[]),
+    ("tests", &["test", "--workspace"], &[("INSTA_UPDATE", "no")]),
+    ("runtime without features", &["check", "--package", "kitsuke", "--no-default-features"], &[]),
+    ("documentation", &["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", "-D warnings")]),
+];
+
+/// No options: CI and a person run the same.
+#[derive(clap::Args)]
+pub struct Args {}
+
+/// Runs the steps in order and stops at the first that fails.
+pub fn run(_: Args) -> ExitCode {
+    for (name, arguments, environment) in STEPS {
+        println!("ci: {name}: cargo {}", arguments.join(" "));
+        let status = Command::new(env!("CARGO")).args(*arguments).envs(environment.iter().copied()).status();
+        match status {
+            Ok(status) if status.success() => {}
+            Ok(status) => {
+                eprintln!("ci: {name} failed ({status})");
+                return ExitCode::FAILURE;
+            }
+            Err(error) => {
+                eprintln!("ci: cannot start cargo for {name}: {error}");
+                return ExitCode::FAILURE;
+            }
+        }
+    }
+    println!("ci: all steps passed");
+    ExitCode::SUCCESS
+}
