@@ -2,3 +2,5 @@
 
 pub mod diagnostic;
 pub mod ir;
+pub mod raster;
+pub mod sheet;

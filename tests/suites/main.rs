@@ -1,1 +1,2 @@
 //! All suites, one binary.
+mod look;

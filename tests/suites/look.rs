@@ -1,0 +1,180 @@
+//! What people look at and measure with: pictures, contact sheets, exported frames.
+
+use glam::{Vec2, Vec3};
+use image::{Rgb, RgbImage};
+use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
+use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use proptest::prelude::*;
+
+const BACKGROUND: [u8; 3] = [10, 20, 30];
+const QUAD: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
+const QUAD_UV: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+
+/// Looks along -Z; one metre is one pixel and the picture's lower left corner is the origin.
+fn pixel_camera(size: [u32; 2]) -> Camera {
+    let target_m = Vec3::new(size[0] as f32 / 2.0, size[1] as f32 / 2.0, 0.0);
+    Camera { eye_m: target_m + 10.0 * Vec3::Z, target_m, lens: Lens::Orthographic { height_m: size[1] as f32 } }
+}
+
+fn quad([left, bottom]: [f32; 2], [right, top]: [f32; 2], z: f32) -> [Vec3; 4] {
+    [[left, bottom], [right, bottom], [right, top], [left, top]].map(|[x, y]| Vec3::new(x, y, z))
+}
+
+fn draw(shapes: &[(&[Vec3], &[[u32; 3]], Paint<'_>)], camera: &Camera, size: [u32; 2]) -> RgbImage {
+    let normals: Vec<Vec<Vec3>> = shapes.iter().map(|(positions, tris, _)| smooth_normals(positions, tris)).collect();
+    let shapes: Vec<Shape<'_>> = shapes
+        .iter()
+        .zip(&normals)
+        .map(|(&(positions_m, triangles, paint), normals)| Shape {
+            positions_m,
+            normals,
+            triangles,
+            paint,
+            inside: None,
+        })
+        .collect();
+    render(&shapes, camera, size, BACKGROUND)
+}
+
+/// Which of red, green and blue is strongest.
+fn hue(pixel: &Rgb<u8>) -> usize {
+    (0..3).max_by_key(|&i| pixel[i]).expect("three channels")
+}
+
+proptest! {
+    #[test]
+    fn a_quad_covers_exactly_its_pixels(left in 0u32..20, bottom in 0u32..15, width in 1u32..12, height in 1u32..12) {
+        let size = [32, 27];
+        let (right, top) = (left + width, bottom + height);
+        let corners = quad([left as f32, bottom as f32], [right as f32, top as f32], 0.0);
+        let picture = draw(&[(&corners, &QUAD, Paint::Plain([200, 200, 200]))], &pixel_camera(size), size);
+        let inside = *picture.get_pixel(left, size[1] - 1 - bottom);
+        prop_assert_ne!(inside.0, BACKGROUND);
+        for (x, row, pixel) in picture.enumerate_pixels() {
+            let y = size[1] - 1 - row;
+            let covered = (left..right).contains(&x) && (bottom..top).contains(&y);
+            prop_assert_eq!(pixel.0, if covered { inside.0 } else { BACKGROUND }, "pixel {} {}", x, y);
+        }
+    }
+}
+
+#[test]
+fn the_nearer_surface_hides_the_farther_whatever_the_order() {
+    let size = [9, 9];
+    let near = quad([0.0, 0.0], [9.0, 9.0], 1.0);
+    let far = quad([0.0, 0.0], [9.0, 9.0], -1.0);
+    let red = (&near[..], &QUAD[..], Paint::Plain([255, 0, 0]));
+    let green = (&far[..], &QUAD[..], Paint::Plain([0, 255, 0]));
+    let camera = pixel_camera(size);
+    let picture = draw(&[red, green], &camera, size);
+    assert!(picture.pixels().all(|p| hue(p) == 0), "red is nearer");
+    assert_eq!(picture, draw(&[green, red], &camera, size));
+    let eye_m = camera.target_m - 10.0 * Vec3::Z;
+    let behind = draw(&[red, green], &Camera { eye_m, ..camera }, size);
+    assert!(behind.pixels().all(|p| hue(p) == 1), "from behind green is nearer");
+}
+
+#[test]
+fn a_perspective_picture_shrinks_with_distance() {
+    // 90 degrees high: at distance d the picture spans 2 d metres.
+    let camera = Camera {
+        eye_m: Vec3::ZERO,
+        target_m: -Vec3::Z,
+        lens: Lens::Perspective { height_rad: std::f32::consts::FRAC_PI_2 },
+    };
+    let covered = |distance_m: f32| {
+        let corners = quad([-1.0, -1.0], [1.0, 1.0], -distance_m);
+        let picture = draw(&[(&corners, &QUAD, Paint::Plain([255; 3]))], &camera, [64, 64]);
+        picture.pixels().filter(|p| p.0 != BACKGROUND).count()
+    };
+    assert_eq!([2.0, 4.0, 8.0].map(covered), [32 * 32, 16 * 16, 8 * 8]);
+    assert_eq!(covered(-2.0), 0, "what is behind the eye is not drawn");
+}
+
+#[test]
+fn the_bottom_row_of_a_texture_is_v_0() {
+    let corner_colours = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]];
+    let image = RgbImage::from_fn(64, 64, |x, y| Rgb(corner_colours[(x / 32 + y / 32 * 2) as usize]));
+    let texture = Texture::from_png(&png_bytes(&image).unwrap()).unwrap();
+    let corners = quad([0.0, 0.0], [64.0, 64.0], 0.0);
+    let picture = draw(&[(&corners, &QUAD, Paint::Textured(&texture, &QUAD_UV))], &pixel_camera([64, 64]), [64, 64]);
+    assert_eq!(hue(picture.get_pixel(16, 16)), 0, "upper left");
+    assert_eq!(hue(picture.get_pixel(48, 16)), 1, "upper right");
+    assert_eq!(hue(picture.get_pixel(16, 48)), 2, "lower left");
+    let white = picture.get_pixel(48, 48);
+    assert!(white[0] == white[1] && white[1] == white[2], "lower right");
+}
+
+#[test]
+fn a_fine_pattern_seen_from_far_is_its_mean() {
+    let checks = RgbImage::from_fn(512, 512, |x, y| Rgb([if (x + y) % 2 == 0 { 255 } else { 0 }; 3]));
+    let texture = Texture::from_png(&png_bytes(&checks).unwrap()).unwrap();
+    let corners = quad([0.0, 0.0], [37.0, 37.0], 0.0);
+    let camera = pixel_camera([37, 37]);
+    let picture = draw(&[(&corners, &QUAD, Paint::Textured(&texture, &QUAD_UV))], &camera, [37, 37]);
+    let [least, most] = [picture.pixels().map(|p| p[0]).min(), picture.pixels().map(|p| p[0]).max()];
+    assert!(most.unwrap() - least.unwrap() <= 1, "{least:?} to {most:?}");
+}
+
+#[test]
+fn the_inside_of_cloth_is_darker() {
+    let corners = quad([0.0, 0.0], [8.0, 8.0], 0.0);
+    let turned = QUAD.map(|[a, b, c]| [a, c, b]);
+    let camera = pixel_camera([8, 8]);
+    let sides = [QUAD, turned]
+        .map(|triangles| draw(&[(&corners, &triangles, Paint::Plain([200; 3]))], &camera, [8, 8]).get_pixel(4, 4)[0]);
+    assert!(sides[1] < sides[0] - 20 && sides[1] > 20, "{sides:?}");
+}
+
+#[test]
+fn a_symmetric_mesh_has_a_symmetric_outline() {
+    let size = [61, 41];
+    let ball: Vec<Vec3> = (0..36)
+        .map(|i| {
+            let angle = (i as f32 + 0.5) * std::f32::consts::TAU / 36.0;
+            Vec3::new(30.5 + 17.3 * libm::cosf(angle), 20.5 + 17.3 * libm::sinf(angle), 0.0)
+        })
+        .chain([Vec3::new(30.5, 20.5, 0.0)])
+        .collect();
+    let fan: Vec<[u32; 3]> = (0..36).map(|i| [36, i, (i + 1) % 36]).collect();
+    let picture = draw(&[(&ball, &fan, Paint::Plain([255; 3]))], &pixel_camera(size), size);
+    let covered = |x: u32, y: u32| picture.get_pixel(x, y).0 != BACKGROUND;
+    assert!((0..size[1]).any(|y| covered(30, y)));
+    for (x, y, _) in picture.enumerate_pixels() {
+        assert_eq!(covered(x, y), covered(60 - x, y), "pixel {x} {y}");
+        assert_eq!(covered(x, y), covered(x, 40 - y), "pixel {x} {y}");
+    }
+}
+
+#[test]
+fn a_picture_is_the_same_on_one_and_two_threads() {
+    let size = [80, 90];
+    let corners = quad([3.3, 4.7], [70.1, 81.9], 0.0);
+    let colours = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]];
+    let render = || draw(&[(&corners, &QUAD, Paint::PerVertex(&colours))], &pixel_camera(size), size);
+    let [one, two] = [1, 2].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(render));
+    assert_eq!(one, two);
+    assert_eq!(png_bytes(&one).unwrap(), png_bytes(&two).unwrap());
+}
+
+#[test]
+fn a_contact_sheet_holds_every_picture_and_a_caption() {
+    let cells: Vec<Cell> = (0..5u8)
+        .map(|i| Cell { caption: format!("{i}"), picture: RgbImage::from_pixel(40, 30, Rgb([i; 3])) })
+        .collect();
+    let sheet = contact_sheet(&cells, 2);
+    for i in 0..5u8 {
+        assert_eq!(sheet.pixels().filter(|p| p.0 == [i; 3]).count(), 40 * 30, "picture {i}");
+    }
+    let blank: Vec<Cell> = cells.iter().cloned().map(|cell| Cell { caption: String::new(), ..cell }).collect();
+    assert_ne!(sheet, contact_sheet(&blank, 2), "captions are drawn");
+    assert_eq!(side_by_side(&[cells[0].picture.clone(), cells[1].picture.clone()]).dimensions(), (80, 30));
+}
+
+#[test]
+fn a_damaged_texture_is_an_error() {
+    let png = png_bytes(&RgbImage::new(4, 4)).unwrap();
+    assert!(Texture::from_png(&png[..png.len() / 2]).is_err());
+    assert!(Texture::from_png(b"").is_err());
+    assert!(Texture::from_png(&png_bytes(&RgbImage::new(8193, 1)).unwrap()).is_err(), "longer than 8192 pixels");
+}
