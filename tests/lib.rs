@@ -1,1 +1,117 @@
-//! Nothing of its own: see `suites/`.
+//! What several suites need: the small sample garment. The tests themselves stand in `suites/` and `alloc/`.
+
+use glam::{Quat, Vec2, Vec3};
+use kitsuke::Garment;
+use kitsuke::garment::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::skeleton::{Bone, Joint, Skeleton};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
+
+/// Vertices around the small garment's tube.
+pub const AROUND: usize = 6;
+/// Rings of vertices along it.
+pub const RINGS: usize = 10;
+
+/// A left sleeve: a tube of 60 vertices from the shoulder along +X with a seam (10 twins), two parts, two drivers,
+/// segments with none, one and both of them, with and without masks, and three targets.
+#[must_use]
+pub fn small_garment() -> Garment {
+    Garment::new(small_garment_data()).expect("the small garment is valid")
+}
+
+/// The arrays of [`small_garment`], for tests that damage them.
+#[must_use]
+pub fn small_garment_data() -> GarmentData {
+    let rings = |from: usize, to: usize| (from * AROUND..to * AROUND).map(|vertex| vertex % AROUND);
+    let shoulder_mask = |ring: usize| (u32::from(u16::MAX) * (7 - ring as u32) / 4) as u16;
+    let both = (4..7).flat_map(|ring| [[shoulder_mask(ring), u16::MAX - shoulder_mask(ring)]; AROUND]);
+    let fading = (7..10).flat_map(|ring: u16| [u16::MAX - 9000 * (ring - 7); AROUND]);
+    let segment = |rings: u32, drivers: &[u8], masks: Vec<u16>| Segment {
+        vertex_count: rings * AROUND as u32,
+        drivers: drivers.to_vec(),
+        masks,
+    };
+    let target = |name: &str, step_m: f32, segments: &[u16], from: usize, to: usize| Target {
+        name: name.to_owned(),
+        step_m,
+        segments: segments.to_vec(),
+        deltas: rings(from, to).zip(0..).map(|(j, i)| [i * 7 - 100, -(i * i), 900 * j as i16 - 2000]).collect(),
+    };
+    GarmentData {
+        id: "small-sleeve".to_owned(),
+        name: "小さな袖".to_owned(),
+        skeleton: small_skeleton(),
+        mesh: small_mesh(),
+        skin: (0..RINGS).flat_map(|ring| [small_skin(ring); AROUND]).collect(),
+        drivers: vec![
+            Driver { name: "leftShoulder".to_owned(), joints: vec![Bone::LeftUpperArm], threshold_rad: FRAC_PI_3 },
+            Driver { name: "leftElbow".to_owned(), joints: vec![Bone::LeftLowerArm], threshold_rad: FRAC_PI_3 },
+        ],
+        segments: vec![
+            segment(1, &[], Vec::new()),
+            segment(3, &[0], Vec::new()),
+            segment(3, &[0, 1], both.flatten().collect()),
+            segment(3, &[1], fading.collect()),
+        ],
+        targets: vec![
+            target("shoulder_down", 1e-5, &[1, 2], 1, 7),
+            target("elbow_bent", 2e-5, &[2, 3], 4, 10),
+            target("both", 5e-6, &[1, 2, 3], 1, 10),
+        ],
+        poses: PoseTable {
+            bones: vec![Bone::LeftUpperArm, Bone::LeftLowerArm],
+            rotations: [(0.0, 0.0), (-FRAC_PI_2, 0.0), (0.0, FRAC_PI_2), (-FRAC_PI_2, FRAC_PI_2)]
+                .into_iter()
+                .flat_map(|(down, bent)| [Quat::from_rotation_z(down), Quat::from_rotation_y(-bent)])
+                .collect(),
+        },
+    }
+}
+
+fn small_skeleton() -> Skeleton {
+    let joint = |bone, parent, x, y| Joint { bone, parent, rest_m: Vec3::new(x, y, 0.0) };
+    Skeleton::new(vec![
+        joint(Bone::Hips, None, 0.0, 0.9),
+        joint(Bone::Spine, Some(0), 0.0, 1.1),
+        joint(Bone::LeftUpperArm, Some(1), 0.15, 1.4),
+        joint(Bone::LeftLowerArm, Some(2), 0.4, 1.4),
+    ])
+    .expect("the small skeleton is valid")
+}
+
+fn small_mesh() -> Mesh {
+    let unique = RINGS * AROUND;
+    let vertex = |ring: usize, around: usize| match around {
+        // The last column of faces ends at the twins.
+        AROUND => (unique + ring) as u32,
+        _ => (ring * AROUND + around) as u32,
+    };
+    let along = |ring: usize| ring as f32 / (RINGS - 1) as f32;
+    let position = |vertex: usize| {
+        let (ring, around) = (vertex / AROUND, vertex % AROUND);
+        let circle = Vec2::from_angle(TAU * around as f32 / AROUND as f32) * 0.1;
+        Vec3::new(0.15 + 0.5 * along(ring), 1.4 + circle.y, circle.x)
+    };
+    let uv = (0..unique).map(|vertex| Vec2::new((vertex % AROUND) as f32 / AROUND as f32, along(vertex / AROUND)));
+    let faces = (0..RINGS - 1).flat_map(|ring| (0..AROUND).map(move |around| (ring, around)));
+    let triangles = faces.flat_map(|(ring, around)| {
+        let [a, b] = [vertex(ring, around), vertex(ring, around + 1)];
+        let [c, d] = [vertex(ring + 1, around), vertex(ring + 1, around + 1)];
+        [[a, c, b], [b, c, d]]
+    });
+    let part = |name: &str, rings: usize| Part { name: name.to_owned(), triangle_count: (2 * rings * AROUND) as u32 };
+    Mesh {
+        positions_m: (0..unique).map(position).collect(),
+        uv: uv.chain((0..RINGS).map(|ring| Vec2::new(1.0, along(ring)))).collect(),
+        twin_of: (0..RINGS).map(|ring| vertex(ring, 0)).collect(),
+        triangles: triangles.collect(),
+        parts: vec![part("sode_left", RINGS - 2), part("sodeguchi_left", 1)],
+        source_vertex: (0..unique as u32).rev().collect(),
+    }
+}
+
+/// From the spine over the upper to the lower arm.
+fn small_skin(ring: usize) -> SkinWeights {
+    let lower = u16::try_from(ring * 7000).expect("within 16 bits");
+    let spine = if ring == 0 { 30000 } else { 0 };
+    SkinWeights { joints: [2, 3, 1, 0], weights: [u16::MAX - lower - spine, lower, spine, 0] }
+}

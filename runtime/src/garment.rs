@@ -3,6 +3,8 @@
 
 use crate::skeleton::{Bone, Skeleton};
 use glam::{Quat, Vec2, Vec3};
+use std::collections::BTreeSet;
+use std::f32::consts::PI;
 
 /// Sizes beyond which nothing is opened or written. Each is far above real garments and small enough that a hostile
 /// pack cannot exhaust a phone.
@@ -25,8 +27,10 @@ pub mod limits {
     pub const PARTS: usize = 256;
     /// Longest name, bytes.
     pub const NAME_BYTES: usize = 256;
-    /// Farthest coordinate from the origin, metres.
+    /// Largest coordinate, and largest coordinate of a delta, metres.
     pub const EXTENT_M: f32 = 100.0;
+    /// Largest texture coordinate.
+    pub const UV: f32 = 1024.0;
 }
 
 /// The kimono's surface in the T-pose.
@@ -152,9 +156,378 @@ pub struct Garment {
 }
 
 impl Garment {
+    /// Checks everything that evaluation relies on, so that it can neither fail nor index out of bounds. Rotations of
+    /// the pose table that are unit quaternions within 1e-3 are normalised.
+    ///
+    /// # Errors
+    /// Names the first element that breaks a rule.
+    pub fn new(mut data: GarmentData) -> Result<Garment, InvalidGarment> {
+        check_texts(&data)?;
+        check_mesh(&data.mesh)?;
+        check_skin(&data)?;
+        check_drivers(&data)?;
+        check_segments(&data)?;
+        check_targets(&data)?;
+        check_poses(&data)?;
+        for rotation in &mut data.poses.rotations {
+            // Only where needed: a second normalisation may change the last bit, and packs must come back as written.
+            if (rotation.length_squared() - 1.0).abs() > 1e-6 {
+                *rotation = rotation.normalize();
+            }
+        }
+        Ok(Garment { data })
+    }
+
     /// The checked arrays.
     #[must_use]
     pub fn data(&self) -> &GarmentData {
         &self.data
     }
+
+    /// Vertices of a frame: the unique ones, then the seam twins.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.unique_count() + self.data.mesh.twin_of.len()
+    }
+
+    /// Vertices without seam twins.
+    #[must_use]
+    pub fn unique_count(&self) -> usize {
+        self.data.mesh.positions_m.len()
+    }
+
+    /// Triangles over all vertices.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.data.mesh.triangles.len()
+    }
+}
+
+/// Which element of a [`GarmentData`] is wrong, and what is wrong with it. Elements are numbered from 0.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidGarment {
+    /// The id holds other characters, none, or too many.
+    #[error("the id {0:?} must be 1 to {max} characters of a-z, 0-9, _ and -", max = limits::NAME_BYTES)]
+    Id(String),
+    /// A name is empty, too long or not printable.
+    #[error("the name of {what} {index} must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
+    Name {
+        /// `garment`, `part`, `driver` or `target`.
+        what: &'static str,
+        /// Its number.
+        index: usize,
+    },
+    /// Two elements of one kind share a name.
+    #[error("two {what}s are named {name:?}")]
+    DuplicateName {
+        /// `part`, `driver` or `target`.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// There are more elements than the limit, or none where one is needed.
+    #[error("there are {count} {what}; {min} to {max} are possible")]
+    Count {
+        /// Of what there are too many or too few.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there must be.
+        min: usize,
+        /// How many there may be.
+        max: usize,
+    },
+    /// Two arrays that describe the same elements differ in length.
+    #[error("there are {length} {what} instead of {expected}")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        length: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// A position is not finite or out of bounds.
+    #[error("the position of vertex {0} is not within {max} m of the origin", max = limits::EXTENT_M)]
+    Position(usize),
+    /// A texture coordinate is not finite or out of bounds.
+    #[error("the texture coordinate of vertex {0} is not within ±{max}", max = limits::UV)]
+    Uv(usize),
+    /// A twin copies a vertex that is not among the unique ones.
+    #[error("twin {twin} copies vertex {vertex}, which is none of the unique vertices")]
+    Twin {
+        /// Number of the twin.
+        twin: usize,
+        /// What it wants to copy.
+        vertex: u32,
+    },
+    /// A triangle has a corner that does not exist.
+    #[error("triangle {triangle} has a corner at vertex {vertex}, which does not exist")]
+    Triangle {
+        /// Number of the triangle.
+        triangle: usize,
+        /// The missing vertex.
+        vertex: u32,
+    },
+    /// The source vertices are no permutation: out of range, or the same one twice.
+    #[error("source vertex {source_vertex} of vertex {vertex} is out of range or occurs twice")]
+    SourceVertex {
+        /// Number of the vertex.
+        vertex: usize,
+        /// Its source vertex.
+        source_vertex: u32,
+    },
+    /// A vertex is skinned to a joint that the skeleton lacks.
+    #[error("vertex {vertex} is skinned to joint {joint}, which the skeleton lacks")]
+    SkinJoint {
+        /// Number of the vertex.
+        vertex: usize,
+        /// The missing joint.
+        joint: u8,
+    },
+    /// Skin weights of a vertex do not sum to one.
+    #[error("the skin weights of vertex {vertex} sum to {sum} instead of 65535")]
+    SkinWeights {
+        /// Number of the vertex.
+        vertex: usize,
+        /// Their sum.
+        sum: u32,
+    },
+    /// A driver has no joints, or the same one twice, or one that the pose table does not give.
+    #[error("the joints of driver {0} must be distinct bones of the pose table, at least one")]
+    DriverJoints(usize),
+    /// A driver's threshold is out of range.
+    #[error("the threshold of driver {0} must be above 0 and at most π times the root of its joint count")]
+    DriverThreshold(usize),
+    /// A segment has no vertices.
+    #[error("segment {0} is empty")]
+    EmptySegment(usize),
+    /// A segment's drivers do not ascend or do not exist.
+    #[error("the drivers of segment {0} must be numbers of drivers, ascending")]
+    SegmentDrivers(usize),
+    /// A segment has another number of masks than its vertices and drivers need.
+    #[error("segment {segment} has {length} masks instead of {expected}")]
+    SegmentMasks {
+        /// Number of the segment.
+        segment: usize,
+        /// How many masks it has.
+        length: usize,
+        /// How many it needs.
+        expected: usize,
+    },
+    /// The masks of a vertex sum to more than one.
+    #[error("the masks of row {row} of segment {segment} sum to {sum}, more than 65535")]
+    MaskSum {
+        /// Number of the segment.
+        segment: usize,
+        /// The vertex, counted from the segment's first.
+        row: usize,
+        /// The sum.
+        sum: u32,
+    },
+    /// A target's step is not a usable length.
+    #[error("the step of target {0} must be above 0 m, and 32767 steps at most {max} m", max = limits::EXTENT_M)]
+    TargetStep(usize),
+    /// A target's segments do not ascend or do not exist.
+    #[error("the segments of target {0} must be numbers of segments, ascending")]
+    TargetSegments(usize),
+    /// A target has another number of deltas than its segments have vertices.
+    #[error("target {target} has {length} deltas instead of {expected}")]
+    TargetDeltas {
+        /// Number of the target.
+        target: usize,
+        /// How many deltas it has.
+        length: usize,
+        /// How many vertices its segments have.
+        expected: usize,
+    },
+    /// A bone of the pose table occurs twice or is not in the skeleton.
+    #[error("bone {} of the pose table occurs twice or is not in the skeleton", .0.name())]
+    PoseBone(Bone),
+    /// A rotation of the pose table is no unit quaternion.
+    #[error("the rotation of {} in row {row} of the pose table is no unit quaternion", bone.name())]
+    PoseRotation {
+        /// Row of the table.
+        row: usize,
+        /// Which bone.
+        bone: Bone,
+    },
+}
+
+fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
+    if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
+        return Err(InvalidGarment::Id(data.id.clone()));
+    }
+    check_names("garment", [data.name.as_str()])?;
+    check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
+    check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
+    check_names("target", data.targets.iter().map(|target| target.name.as_str()))
+}
+
+fn check_names<'a>(what: &'static str, names: impl IntoIterator<Item = &'a str>) -> Result<(), InvalidGarment> {
+    let mut seen = BTreeSet::new();
+    for (index, name) in names.into_iter().enumerate() {
+        if !(1..=limits::NAME_BYTES).contains(&name.len()) || name.contains(char::is_control) {
+            return Err(InvalidGarment::Name { what, index });
+        }
+        if !seen.insert(name) {
+            return Err(InvalidGarment::DuplicateName { what, name: name.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+fn check_mesh(mesh: &Mesh) -> Result<(), InvalidGarment> {
+    let unique = mesh.positions_m.len();
+    let vertices = unique + mesh.twin_of.len();
+    check_count("unique vertices", unique, 1, limits::VERTICES)?;
+    check_count("vertices", vertices, 1, limits::VERTICES)?;
+    check_count("triangles", mesh.triangles.len(), 1, limits::TRIANGLES)?;
+    check_count("parts", mesh.parts.len(), 1, limits::PARTS)?;
+
+    let far = |position: &Vec3| !(position.is_finite() && position.abs().max_element() <= limits::EXTENT_M);
+    if let Some(vertex) = mesh.positions_m.iter().position(far) {
+        return Err(InvalidGarment::Position(vertex));
+    }
+    if !mesh.uv.is_empty() {
+        check_length("texture coordinates", mesh.uv.len(), vertices)?;
+    }
+    let far = |uv: &Vec2| !(uv.is_finite() && uv.abs().max_element() <= limits::UV);
+    if let Some(vertex) = mesh.uv.iter().position(far) {
+        return Err(InvalidGarment::Uv(vertex));
+    }
+    for (twin, &vertex) in mesh.twin_of.iter().enumerate() {
+        if vertex as usize >= unique {
+            return Err(InvalidGarment::Twin { twin, vertex });
+        }
+    }
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= vertices) {
+            return Err(InvalidGarment::Triangle { triangle, vertex });
+        }
+    }
+    let in_parts = total(mesh.parts.iter().map(|part| part.triangle_count));
+    check_length("triangles in parts", in_parts, mesh.triangles.len())?;
+
+    check_length("source vertices", mesh.source_vertex.len(), unique)?;
+    let mut seen = vec![false; unique];
+    for (vertex, &source_vertex) in mesh.source_vertex.iter().enumerate() {
+        match seen.get_mut(source_vertex as usize) {
+            Some(seen @ false) => *seen = true,
+            _ => return Err(InvalidGarment::SourceVertex { vertex, source_vertex }),
+        }
+    }
+    Ok(())
+}
+
+fn check_skin(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_length("skin weights", data.skin.len(), data.mesh.positions_m.len())?;
+    let joint_count = data.skeleton.joints().len();
+    for (vertex, skin) in data.skin.iter().enumerate() {
+        if let Some(&joint) = skin.joints.iter().find(|&&joint| usize::from(joint) >= joint_count) {
+            return Err(InvalidGarment::SkinJoint { vertex, joint });
+        }
+        let sum = skin.weights.iter().map(|&weight| u32::from(weight)).sum();
+        if sum != u32::from(u16::MAX) {
+            return Err(InvalidGarment::SkinWeights { vertex, sum });
+        }
+    }
+    Ok(())
+}
+
+fn check_drivers(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("drivers", data.drivers.len(), 0, limits::DRIVERS)?;
+    for (i, driver) in data.drivers.iter().enumerate() {
+        let distinct: BTreeSet<Bone> = driver.joints.iter().copied().collect();
+        let given = driver.joints.iter().all(|bone| data.poses.bones.contains(bone));
+        if distinct.is_empty() || distinct.len() != driver.joints.len() || !given {
+            return Err(InvalidGarment::DriverJoints(i));
+        }
+        // The distance of two poses is the root of the sum over joints of squared angles, each at most π.
+        let farthest_rad = PI * (driver.joints.len() as f32).sqrt();
+        if !(driver.threshold_rad > 0.0 && driver.threshold_rad <= farthest_rad) {
+            return Err(InvalidGarment::DriverThreshold(i));
+        }
+    }
+    Ok(())
+}
+
+fn check_segments(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("segments", data.segments.len(), 1, limits::SEGMENTS)?;
+    let covered = total(data.segments.iter().map(|segment| segment.vertex_count));
+    check_length("vertices in segments", covered, data.mesh.positions_m.len())?;
+    for (i, segment) in data.segments.iter().enumerate() {
+        if segment.vertex_count == 0 {
+            return Err(InvalidGarment::EmptySegment(i));
+        }
+        let exist = segment.drivers.iter().all(|&driver| usize::from(driver) < data.drivers.len());
+        if !exist || !ascend(&segment.drivers) {
+            return Err(InvalidGarment::SegmentDrivers(i));
+        }
+        let columns = segment.drivers.len();
+        let (length, expected) = (segment.masks.len(), segment.vertex_count as usize * columns);
+        if length != expected && !(segment.masks.is_empty() && columns == 1) {
+            return Err(InvalidGarment::SegmentMasks { segment: i, length, expected });
+        }
+        for (row, masks) in segment.masks.chunks_exact(columns.max(1)).enumerate() {
+            let sum = masks.iter().map(|&mask| u32::from(mask)).sum();
+            if sum > u32::from(u16::MAX) {
+                return Err(InvalidGarment::MaskSum { segment: i, row, sum });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_targets(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("targets", data.targets.len(), 0, limits::TARGETS)?;
+    for (i, target) in data.targets.iter().enumerate() {
+        if !(target.step_m > 0.0 && target.step_m * f32::from(i16::MAX) <= limits::EXTENT_M) {
+            return Err(InvalidGarment::TargetStep(i));
+        }
+        let exist = target.segments.iter().all(|&segment| usize::from(segment) < data.segments.len());
+        if !exist || !ascend(&target.segments) {
+            return Err(InvalidGarment::TargetSegments(i));
+        }
+        let vertex_count = |&segment: &u16| data.segments[usize::from(segment)].vertex_count as usize;
+        let (length, expected) = (target.deltas.len(), target.segments.iter().map(vertex_count).sum());
+        if length != expected {
+            return Err(InvalidGarment::TargetDeltas { target: i, length, expected });
+        }
+    }
+    Ok(())
+}
+
+fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let PoseTable { bones, rotations } = &data.poses;
+    let mut seen = BTreeSet::new();
+    for &bone in bones {
+        if data.skeleton.index_of(bone).is_none() || !seen.insert(bone) {
+            return Err(InvalidGarment::PoseBone(bone));
+        }
+    }
+    check_length("rotations in the pose table", rotations.len(), (data.targets.len() + 1) * bones.len())?;
+    let skewed = |q: &Quat| !(q.is_finite() && (q.length() - 1.0).abs() <= 1e-3);
+    if let Some(i) = rotations.iter().position(skewed) {
+        return Err(InvalidGarment::PoseRotation { row: i / bones.len(), bone: bones[i % bones.len()] });
+    }
+    Ok(())
+}
+
+fn check_count(what: &'static str, count: usize, min: usize, max: usize) -> Result<(), InvalidGarment> {
+    if (min..=max).contains(&count) { Ok(()) } else { Err(InvalidGarment::Count { what, count, min, max }) }
+}
+
+fn check_length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidGarment> {
+    if length == expected { Ok(()) } else { Err(InvalidGarment::Length { what, length, expected }) }
+}
+
+/// The sum, which no number of a hostile pack makes overflow.
+fn total(counts: impl Iterator<Item = u32>) -> usize {
+    counts.fold(0, |sum: usize, count| sum.saturating_add(count as usize))
+}
+
+fn ascend<T: PartialOrd>(values: &[T]) -> bool {
+    values.windows(2).all(|pair| pair[0] < pair[1])
 }

@@ -18,3 +18,6 @@ pub mod garment;
 pub mod pack;
 pub mod pose_blend;
 pub mod skeleton;
+
+pub use garment::{Garment, InvalidGarment};
+pub use pack::{OpenError, Pack};

@@ -1,2 +1,4 @@
 //! All suites, one binary.
+
 mod look;
+mod pack;

@@ -1,1 +1,270 @@
-//! codec
+//! How numbers become bytes and come back: a bounded reader and a writer of the same primitives, side by side, and the
+//! compression of a whole section. Knows nothing of garments or of what a pack contains.
+//!
+//! Long arrays are *columns*: the values of one coordinate, one after the other. A column stores, per value, its
+//! wrapping difference to the value before (the first: to 0), zigzag-coded so that small differences of either sign are
+//! small numbers, and splits these numbers into byte planes: first the lowest byte of all, then the next. Neighbouring
+//! vertices differ little, so the higher planes are mostly zero, which LZ4 then removes.
+
+use super::ContentProblem;
+use glam::Vec3;
+use std::borrow::Cow;
+
+/// No LZ4 block decodes to more than this many times its length.
+pub const LZ4_EXPANSION: usize = 255;
+
+/// Reads primitives from the decoded bytes of a section. Takes nothing that is not there.
+pub(super) struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Reader<'a> {
+        Reader { bytes, at: 0 }
+    }
+
+    /// How many bytes have been read.
+    pub(super) fn at(&self) -> usize {
+        self.at
+    }
+
+    /// Everything must have been read.
+    pub(super) fn finish(&self) -> Result<(), ContentProblem> {
+        match self.bytes.len() - self.at {
+            0 => Ok(()),
+            left => Err(ContentProblem::LeftOver(left)),
+        }
+    }
+
+    pub(super) fn take(&mut self, needed: usize) -> Result<&'a [u8], ContentProblem> {
+        let rest = &self.bytes[self.at..];
+        let taken = rest.get(..needed).ok_or(ContentProblem::Ends { needed, left: rest.len() })?;
+        self.at += needed;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], ContentProblem> {
+        Ok(self.take(N)?.try_into().expect("take gives as many bytes as asked"))
+    }
+
+    pub(super) fn u8(&mut self) -> Result<u8, ContentProblem> {
+        Ok(self.array::<1>()?[0])
+    }
+
+    pub(super) fn flag(&mut self) -> Result<bool, ContentProblem> {
+        match self.u8()? {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(ContentProblem::Flag(other)),
+        }
+    }
+
+    pub(super) fn u16(&mut self) -> Result<u16, ContentProblem> {
+        Ok(u16::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn u32(&mut self) -> Result<u32, ContentProblem> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn u64(&mut self) -> Result<u64, ContentProblem> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn f32(&mut self) -> Result<f32, ContentProblem> {
+        Ok(f32::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn vec3(&mut self) -> Result<Vec3, ContentProblem> {
+        Ok(Vec3::new(self.f32()?, self.f32()?, self.f32()?))
+    }
+
+    /// A count, which must lie within the limit.
+    pub(super) fn count(&mut self, what: &'static str, limit: usize) -> Result<usize, ContentProblem> {
+        let count = self.u32()? as usize;
+        if count > limit { Err(ContentProblem::Count { what, count, limit }) } else { Ok(count) }
+    }
+
+    pub(super) fn text(&mut self) -> Result<String, ContentProblem> {
+        let length = usize::from(self.u16()?);
+        let text = std::str::from_utf8(self.take(length)?).map_err(|_| ContentProblem::Utf8)?;
+        Ok(text.to_owned())
+    }
+
+    /// A column of values of `WIDTH` bytes each.
+    pub(super) fn column<const WIDTH: usize>(&mut self, count: usize) -> Result<Column<'a, WIDTH>, ContentProblem> {
+        let mut planes = [&[][..]; WIDTH];
+        for plane in &mut planes {
+            *plane = self.take(count)?;
+        }
+        Ok(Column { planes, at: 0, count, value: 0 })
+    }
+}
+
+/// The values of a column, decoded one by one.
+pub(super) struct Column<'a, const WIDTH: usize> {
+    planes: [&'a [u8]; WIDTH],
+    at: usize,
+    count: usize,
+    value: u32,
+}
+
+impl<const WIDTH: usize> Iterator for Column<'_, WIDTH> {
+    type Item = u32;
+
+    fn next(&mut self) -> Option<u32> {
+        let mut zigzag = [0; 4];
+        for (byte, plane) in zigzag.iter_mut().zip(self.planes) {
+            *byte = *plane.get(self.at)?;
+        }
+        self.at += 1;
+        self.value = self.value.wrapping_add(unzigzag(u32::from_le_bytes(zigzag)));
+        Some(self.value & mask::<WIDTH>())
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.count - self.at;
+        (left, Some(left))
+    }
+}
+
+impl<const WIDTH: usize> ExactSizeIterator for Column<'_, WIDTH> {}
+
+/// Writes what [`Reader`] reads.
+#[cfg(feature = "write")]
+#[derive(Default)]
+pub(super) struct Writer {
+    pub(super) bytes: Vec<u8>,
+}
+
+#[cfg(feature = "write")]
+impl Writer {
+    pub(super) fn take(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    pub(super) fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    pub(super) fn flag(&mut self, value: bool) {
+        self.u8(u8::from(value));
+    }
+
+    pub(super) fn u16(&mut self, value: u16) {
+        self.take(&value.to_le_bytes());
+    }
+
+    pub(super) fn u32(&mut self, value: u32) {
+        self.take(&value.to_le_bytes());
+    }
+
+    pub(super) fn u64(&mut self, value: u64) {
+        self.take(&value.to_le_bytes());
+    }
+
+    pub(super) fn f32(&mut self, value: f32) {
+        self.take(&value.to_le_bytes());
+    }
+
+    pub(super) fn vec3(&mut self, value: Vec3) {
+        value.to_array().into_iter().for_each(|coordinate| self.f32(coordinate));
+    }
+
+    pub(super) fn count(&mut self, count: usize) {
+        self.u32(u32::try_from(count).expect("counts of a checked garment lie within the limits"));
+    }
+
+    pub(super) fn text(&mut self, text: &str) {
+        self.u16(u16::try_from(text.len()).expect("texts of a checked garment are short"));
+        self.take(text.as_bytes());
+    }
+
+    /// Values must fit into `WIDTH` bytes.
+    pub(super) fn column<const WIDTH: usize>(&mut self, values: impl Iterator<Item = u32>) {
+        let mut before = 0;
+        let zigzags: Vec<[u8; 4]> = values
+            .map(|value| {
+                debug_assert!(value <= mask::<WIDTH>(), "{value} does not fit into {WIDTH} bytes");
+                let difference = value.wrapping_sub(before);
+                before = value;
+                zigzag::<WIDTH>(difference).to_le_bytes()
+            })
+            .collect();
+        for plane in 0..WIDTH {
+            self.bytes.extend(zigzags.iter().map(|bytes| bytes[plane]));
+        }
+    }
+}
+
+/// The values that fit into `WIDTH` bytes.
+const fn mask<const WIDTH: usize>() -> u32 {
+    u32::MAX >> (32 - 8 * WIDTH)
+}
+
+/// 0, -1, 1, -2, 2 … as 0, 1, 2, 3, 4 …, of differences modulo 256 to the power of `WIDTH`.
+#[cfg(feature = "write")]
+fn zigzag<const WIDTH: usize>(difference: u32) -> u32 {
+    let unused_bits = 32 - 8 * WIDTH;
+    let signed = (difference << unused_bits) as i32 >> unused_bits;
+    ((signed << 1) ^ (signed >> 31)) as u32 & mask::<WIDTH>()
+}
+
+fn unzigzag(zigzag: u32) -> u32 {
+    (zigzag >> 1) ^ (zigzag & 1).wrapping_neg()
+}
+
+/// How the bytes of a section are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// As they are.
+    Raw,
+    /// As one LZ4 block, without a length before it.
+    Lz4,
+}
+
+impl Encoding {
+    /// Its number in the section table.
+    #[must_use]
+    pub fn number(self) -> u32 {
+        match self {
+            Encoding::Raw => 0,
+            Encoding::Lz4 => 1,
+        }
+    }
+
+    /// The encoding of this number.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Encoding> {
+        [Encoding::Raw, Encoding::Lz4].into_iter().find(|encoding| encoding.number() == number)
+    }
+
+    /// The most bytes that `stored` bytes can decode to.
+    #[must_use]
+    pub fn longest_decoded(self, stored: usize) -> usize {
+        match self {
+            Encoding::Raw => stored,
+            Encoding::Lz4 => stored.saturating_mul(LZ4_EXPANSION),
+        }
+    }
+
+    /// The section's bytes; `None` when they are not exactly `decoded_length`. The caller bounds that length.
+    pub(super) fn decode(self, stored: &[u8], decoded_length: usize) -> Option<Cow<'_, [u8]>> {
+        match self {
+            Encoding::Raw => (stored.len() == decoded_length).then_some(Cow::Borrowed(stored)),
+            Encoding::Lz4 => {
+                let mut decoded = vec![0; decoded_length];
+                let length = lz4_flex::block::decompress_into(stored, &mut decoded).ok()?;
+                (length == decoded_length).then_some(Cow::Owned(decoded))
+            }
+        }
+    }
+}
+
+/// Encodes a section in the shorter way.
+#[cfg(feature = "write")]
+pub(super) fn encode(decoded: Vec<u8>) -> (Encoding, Vec<u8>) {
+    let compressed = lz4_flex::block::compress(&decoded);
+    if compressed.len() < decoded.len() { (Encoding::Lz4, compressed) } else { (Encoding::Raw, decoded) }
+}

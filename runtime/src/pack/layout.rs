@@ -1,1 +1,453 @@
-//! layout
+//! The format of a pack, version 1.0. This file is its specification and its only home: what is written here, and the
+//! readers and writers below it, side by side. How single numbers and arrays become bytes stands in [`codec`](super::codec).
+//!
+//! Numbers are little-endian. `f32` is IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag` is a byte 0
+//! or 1, `bone` is a byte: the number of a [`Bone`]. `column(n)` is n numbers as described in [`codec`](super::codec).
+//!
+//! # Container
+//! | bytes | what |
+//! |---|---|
+//! | 0..8 | [`MAGIC`]: 0x89 and `kitsuke` |
+//! | 8..10 | `u16` [`MAJOR`] version |
+//! | 10..12 | `u16` [`MINOR`] version |
+//! | 12..16 | `u32` number of sections n, at most [`SECTIONS`] |
+//! | 16..20 | `u32` length of the pack |
+//! | 20..20 + 28 n | section table, [`ENTRY_BYTES`] per section |
+//! | then 8 | `u64` checksum of all bytes before it |
+//! | then | the sections |
+//!
+//! An entry of the section table:
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 0..4 | tag, four ASCII letters; each occurs once |
+//! | 4..8 | `u32` encoding: 0 as it is, 1 one LZ4 block |
+//! | 8..12 | `u32` offset in the pack |
+//! | 12..16 | `u32` stored length |
+//! | 16..20 | `u32` decoded length |
+//! | 20..28 | `u64` checksum of the stored bytes |
+//!
+//! Checksums are XXH3 with 64 bits and seed 0. Sections stand in the order of the table; each begins at the first
+//! multiple of [`ALIGNMENT`] after the end of the one before (of the header, for the first), the bytes between are 0,
+//! and the last one ends the pack.
+//!
+//! A reader of 1.x reads every pack of version 1: later minor versions may add sections, which older readers skip, and
+//! change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of another
+//! major version are refused.
+//!
+//! # Sections
+//! All of them must be there. Their contents, field after field; "per x" repeats what follows the colon:
+//!
+//! | tag | content |
+//! |---|---|
+//! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, bones of the pose table b |
+//! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
+//! | `MESH` | x, y, z of the positions, each a `column(v)` of `f32` bits; `flag` has uv, and if so u, v, each a `column(v + w)` of `f32` bits; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
+//! | `SKIN` | four `column(v)` of `u8` joints, then four `column(v)` of `u16` weights |
+//! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
+//! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
+//! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
+//!
+//! Units and ranges are those of [`GarmentData`](crate::garment::GarmentData) and its parts, checked by
+//! [`Garment::new`](crate::garment::Garment::new) on both sides.
+
+use super::codec::{Column, Reader};
+use super::{ContentProblem, OpenError};
+use crate::garment::{Driver, Mesh, Part, PoseTable, Segment, SkinWeights, Target, limits};
+use crate::skeleton::{Bone, Joint, Skeleton};
+use glam::{Quat, Vec2, Vec3};
+use std::fmt;
+use xxhash_rust::xxh3::xxh3_64;
+
+#[cfg(feature = "write")]
+use {super::codec::Writer, crate::garment::GarmentData};
+
+/// The first bytes of every pack.
+pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
+/// Readers refuse another major version.
+pub const MAJOR: u16 = 1;
+/// Grows when sections are added that older readers may skip.
+pub const MINOR: u16 = 0;
+/// Bytes before the section table.
+pub const HEADER_BYTES: usize = 20;
+/// Bytes of an entry of the section table.
+pub const ENTRY_BYTES: usize = 28;
+/// Where in an entry the checksum stands; it is the entry's last field.
+pub const ENTRY_CHECKSUM: usize = 20;
+/// Bytes of a checksum.
+pub const CHECKSUM_BYTES: usize = 8;
+/// Sections begin at multiples of this.
+pub const ALIGNMENT: usize = 8;
+/// Most sections in a pack.
+pub const SECTIONS: usize = 64;
+
+/// The checksum of the header and of sections.
+#[must_use]
+pub fn checksum(bytes: &[u8]) -> u64 {
+    xxh3_64(bytes)
+}
+
+/// Name of a section.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Tag(pub [u8; 4]);
+
+impl fmt::Display for Tag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.escape_ascii().fmt(f)
+    }
+}
+
+/// Id, name and counts.
+pub const INFO: Tag = Tag(*b"INFO");
+/// The skeleton.
+pub const SKEL: Tag = Tag(*b"SKEL");
+/// The surface.
+pub const MESH: Tag = Tag(*b"MESH");
+/// Skin weights.
+pub const SKIN: Tag = Tag(*b"SKIN");
+/// Drivers and pose table.
+pub const DRIV: Tag = Tag(*b"DRIV");
+/// Segments and masks.
+pub const SEGS: Tag = Tag(*b"SEGS");
+/// Targets.
+pub const TGTS: Tag = Tag(*b"TGTS");
+/// Every section of this version.
+pub const ALL: [Tag; 7] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS];
+
+/// An entry of the section table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub(super) tag: Tag,
+    pub(super) encoding: u32,
+    pub(super) offset: usize,
+    pub(super) stored_length: usize,
+    pub(super) decoded_length: usize,
+    pub(super) checksum: u64,
+}
+
+/// Reads and checks everything before the sections: the minor version and the table.
+pub(super) fn read_header(bytes: &[u8]) -> Result<(u16, Vec<Entry>), OpenError> {
+    if bytes.len() > limits::PACK_BYTES {
+        return Err(OpenError::TooLong(bytes.len()));
+    }
+    if !bytes.starts_with(&MAGIC) {
+        return Err(OpenError::NotAPack);
+    }
+    let truncated = |_| OpenError::Header("it ends within the header");
+    let mut reader = Reader::new(&bytes[MAGIC.len()..]);
+    let (major, minor) = (reader.u16().map_err(truncated)?, reader.u16().map_err(truncated)?);
+    if major != MAJOR {
+        return Err(OpenError::Version { major, minor });
+    }
+    let sections = reader.u32().map_err(truncated)? as usize;
+    let length = reader.u32().map_err(truncated)? as usize;
+    if sections > SECTIONS {
+        return Err(OpenError::Header("it has more sections than possible"));
+    }
+    let mut table = Reader::new(reader.take(sections * ENTRY_BYTES).map_err(truncated)?);
+    let checked = MAGIC.len() + reader.at();
+    if reader.u64().map_err(truncated)? != checksum(&bytes[..checked]) {
+        return Err(OpenError::Header("its checksum does not match"));
+    }
+    if length != bytes.len() {
+        return Err(OpenError::Length { stated: length, length: bytes.len() });
+    }
+    let entries = (0..sections).map(|_| read_entry(&mut table)).collect::<Result<_, _>>().map_err(truncated)?;
+    Ok((minor, entries))
+}
+
+/// Writes what [`read_header`] reads.
+#[cfg(feature = "write")]
+pub(super) fn write_header(entries: &[Entry], length: usize, to: &mut Writer) {
+    to.take(&MAGIC);
+    to.u16(MAJOR);
+    to.u16(MINOR);
+    to.count(entries.len());
+    to.count(length);
+    entries.iter().for_each(|entry| write_entry(entry, to));
+    to.u64(checksum(&to.bytes));
+}
+
+/// Where the first section may begin.
+pub(super) const fn header_length(sections: usize) -> usize {
+    HEADER_BYTES + sections * ENTRY_BYTES + CHECKSUM_BYTES
+}
+
+fn read_entry(from: &mut Reader<'_>) -> Result<Entry, ContentProblem> {
+    Ok(Entry {
+        tag: Tag(from.u32()?.to_le_bytes()),
+        encoding: from.u32()?,
+        offset: from.u32()? as usize,
+        stored_length: from.u32()? as usize,
+        decoded_length: from.u32()? as usize,
+        checksum: from.u64()?,
+    })
+}
+
+#[cfg(feature = "write")]
+fn write_entry(entry: &Entry, to: &mut Writer) {
+    to.take(&entry.tag.0);
+    to.u32(entry.encoding);
+    to.count(entry.offset);
+    to.count(entry.stored_length);
+    to.count(entry.decoded_length);
+    to.u64(entry.checksum);
+}
+
+/// The section `INFO`.
+pub(super) struct Info {
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) unique: usize,
+    pub(super) twins: usize,
+    pub(super) triangles: usize,
+    pub(super) parts: usize,
+    pub(super) drivers: usize,
+    pub(super) segments: usize,
+    pub(super) targets: usize,
+    pub(super) pose_bones: usize,
+}
+
+pub(super) fn read_info(from: &mut Reader<'_>) -> Result<Info, ContentProblem> {
+    Ok(Info {
+        id: from.text()?,
+        name: from.text()?,
+        unique: from.count("unique vertices", limits::VERTICES)?,
+        twins: from.count("twins", limits::VERTICES)?,
+        triangles: from.count("triangles", limits::TRIANGLES)?,
+        parts: from.count("parts", limits::PARTS)?,
+        drivers: from.count("drivers", limits::DRIVERS)?,
+        segments: from.count("segments", limits::SEGMENTS)?,
+        targets: from.count("targets", limits::TARGETS)?,
+        pose_bones: from.count("bones of the pose table", Bone::COUNT)?,
+    })
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_info(data: &GarmentData, to: &mut Writer) {
+    to.text(&data.id);
+    to.text(&data.name);
+    to.count(data.mesh.positions_m.len());
+    to.count(data.mesh.twin_of.len());
+    to.count(data.mesh.triangles.len());
+    to.count(data.mesh.parts.len());
+    to.count(data.drivers.len());
+    to.count(data.segments.len());
+    to.count(data.targets.len());
+    to.count(data.poses.bones.len());
+}
+
+/// The parent of a joint that has none.
+const NO_PARENT: u8 = u8::MAX;
+
+pub(super) fn read_skeleton(from: &mut Reader<'_>) -> Result<Skeleton, ContentProblem> {
+    let joints = (0..from.u8()?)
+        .map(|_| {
+            let bone = read_bone(from)?;
+            let parent = Some(from.u8()?).filter(|&parent| parent != NO_PARENT);
+            Ok(Joint { bone, parent, rest_m: from.vec3()? })
+        })
+        .collect::<Result<_, _>>()?;
+    Skeleton::new(joints).map_err(ContentProblem::Skeleton)
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_skeleton(skeleton: &Skeleton, to: &mut Writer) {
+    to.u8(skeleton.joints().len() as u8);
+    for joint in skeleton.joints() {
+        to.u8(joint.bone as u8);
+        to.u8(joint.parent.unwrap_or(NO_PARENT));
+        to.vec3(joint.rest_m);
+    }
+}
+
+pub(super) fn read_mesh(info: &Info, from: &mut Reader<'_>) -> Result<Mesh, ContentProblem> {
+    let vertices = info.unique + info.twins;
+    let [x, y, z] = read_floats(info.unique, from)?;
+    let positions_m = x.zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z)).collect();
+    let [u, v] = read_floats(if from.flag()? { vertices } else { 0 }, from)?;
+    let uv = u.zip(v).map(|(u, v)| Vec2::new(u, v)).collect();
+    let twin_of = from.column::<4>(info.twins)?.collect();
+    let mut corners = from.column::<4>(3 * info.triangles)?;
+    let mut corner = || corners.next().expect("three corners per triangle");
+    let triangles = (0..info.triangles).map(|_| [corner(), corner(), corner()]).collect();
+    let source_vertex = from.column::<4>(info.unique)?.collect();
+    let parts = (0..info.parts)
+        .map(|_| Ok(Part { name: from.text()?, triangle_count: from.u32()? }))
+        .collect::<Result<_, _>>()?;
+    Ok(Mesh { positions_m, uv, twin_of, triangles, parts, source_vertex })
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_mesh(mesh: &Mesh, to: &mut Writer) {
+    write_floats(&mesh.positions_m, |position| position.to_array(), to);
+    to.flag(!mesh.uv.is_empty());
+    write_floats(&mesh.uv, |uv| uv.to_array(), to);
+    to.column::<4>(mesh.twin_of.iter().copied());
+    to.column::<4>(mesh.triangles.iter().flatten().copied());
+    to.column::<4>(mesh.source_vertex.iter().copied());
+    for part in &mesh.parts {
+        to.text(&part.name);
+        to.u32(part.triangle_count);
+    }
+}
+
+pub(super) fn read_skin(info: &Info, from: &mut Reader<'_>) -> Result<Vec<SkinWeights>, ContentProblem> {
+    let mut joints = read_columns::<1, 4>(info.unique, from)?;
+    let mut weights = read_columns::<2, 4>(info.unique, from)?;
+    let skin = |_| SkinWeights {
+        joints: next(&mut joints).map(|joint| joint as u8),
+        weights: next(&mut weights).map(|weight| weight as u16),
+    };
+    Ok((0..info.unique).map(skin).collect())
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_skin(skin: &[SkinWeights], to: &mut Writer) {
+    for place in 0..4 {
+        to.column::<1>(skin.iter().map(|vertex| u32::from(vertex.joints[place])));
+    }
+    for place in 0..4 {
+        to.column::<2>(skin.iter().map(|vertex| u32::from(vertex.weights[place])));
+    }
+}
+
+pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<(Vec<Driver>, PoseTable), ContentProblem> {
+    let drivers = (0..info.drivers)
+        .map(|_| {
+            let (name, threshold_rad) = (from.text()?, from.f32()?);
+            let joints = (0..from.u8()?).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
+            Ok(Driver { name, joints, threshold_rad })
+        })
+        .collect::<Result<_, _>>()?;
+    let bones = (0..info.pose_bones).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
+    let rotations = (0..(info.targets + 1) * info.pose_bones)
+        .map(|_| Ok(Quat::from_xyzw(from.f32()?, from.f32()?, from.f32()?, from.f32()?)))
+        .collect::<Result<_, _>>()?;
+    Ok((drivers, PoseTable { bones, rotations }))
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_drivers(drivers: &[Driver], poses: &PoseTable, to: &mut Writer) {
+    for driver in drivers {
+        to.text(&driver.name);
+        to.f32(driver.threshold_rad);
+        to.u8(driver.joints.len() as u8);
+        driver.joints.iter().for_each(|&bone| to.u8(bone as u8));
+    }
+    poses.bones.iter().for_each(|&bone| to.u8(bone as u8));
+    poses.rotations.iter().flat_map(|rotation| rotation.to_array()).for_each(|component| to.f32(component));
+}
+
+pub(super) fn read_segments(info: &Info, from: &mut Reader<'_>) -> Result<Vec<Segment>, ContentProblem> {
+    let heads = (0..info.segments)
+        .map(|_| {
+            let vertex_count = from.u32()?;
+            let driver_count = usize::from(from.u8()?);
+            Ok((vertex_count, from.take(driver_count)?.to_vec(), from.flag()?))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let segment = |(vertex_count, drivers, has_masks): (u32, Vec<u8>, bool)| {
+        let columns = (0..if has_masks { drivers.len() } else { 0 })
+            .map(|_| from.column::<2>(vertex_count as usize))
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(Segment { vertex_count, drivers, masks: interleave(columns) })
+    };
+    heads.into_iter().map(segment).collect()
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_segments(segments: &[Segment], to: &mut Writer) {
+    for segment in segments {
+        to.u32(segment.vertex_count);
+        to.u8(segment.drivers.len() as u8);
+        to.take(&segment.drivers);
+        to.flag(!segment.masks.is_empty());
+    }
+    for segment in segments.iter().filter(|segment| !segment.masks.is_empty()) {
+        for driver in 0..segment.drivers.len() {
+            to.column::<2>(segment.masks.iter().skip(driver).step_by(segment.drivers.len()).map(|&mask| mask.into()));
+        }
+    }
+}
+
+pub(super) fn read_targets(
+    info: &Info,
+    segments: &[Segment],
+    from: &mut Reader<'_>,
+) -> Result<Vec<Target>, ContentProblem> {
+    let mut targets = (0..info.targets)
+        .map(|_| {
+            let (name, step_m) = (from.text()?, from.f32()?);
+            let segments = (0..from.u16()?).map(|_| from.u16()).collect::<Result<_, _>>()?;
+            Ok(Target { name, step_m, segments, deltas: Vec::new() })
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    for target in &mut targets {
+        let mut count = 0usize;
+        for &segment in &target.segments {
+            let segment = segments.get(usize::from(segment)).ok_or(ContentProblem::Segment(segment))?;
+            count = count.saturating_add(segment.vertex_count as usize);
+        }
+        let mut columns = read_columns::<2, 3>(count, from)?;
+        target.deltas = (0..count).map(|_| next(&mut columns).map(|delta| delta as u16 as i16)).collect();
+    }
+    Ok(targets)
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_targets(targets: &[Target], to: &mut Writer) {
+    for target in targets {
+        to.text(&target.name);
+        to.f32(target.step_m);
+        to.u16(target.segments.len() as u16);
+        target.segments.iter().for_each(|&segment| to.u16(segment));
+    }
+    for target in targets {
+        for coordinate in 0..3 {
+            to.column::<2>(target.deltas.iter().map(|delta| u32::from(delta[coordinate] as u16)));
+        }
+    }
+}
+
+fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {
+    let number = from.u8()?;
+    Bone::from_index(number).ok_or(ContentProblem::Bone(number))
+}
+
+fn read_columns<'a, const WIDTH: usize, const N: usize>(
+    count: usize,
+    from: &mut Reader<'a>,
+) -> Result<[Column<'a, WIDTH>; N], ContentProblem> {
+    let columns = (0..N).map(|_| from.column(count)).collect::<Result<Vec<_>, _>>()?;
+    Ok(columns.try_into().unwrap_or_else(|_| unreachable!("N columns were read")))
+}
+
+/// The next value of each column.
+fn next<const WIDTH: usize, const N: usize>(columns: &mut [Column<'_, WIDTH>; N]) -> [u32; N] {
+    columns.each_mut().map(|column| column.next().expect("columns hold as many values as were asked for"))
+}
+
+fn read_floats<'a, const N: usize>(
+    count: usize,
+    from: &mut Reader<'a>,
+) -> Result<[impl ExactSizeIterator<Item = f32> + use<'a, N>; N], ContentProblem> {
+    Ok(read_columns::<4, N>(count, from)?.map(|column| column.map(f32::from_bits)))
+}
+
+#[cfg(feature = "write")]
+fn write_floats<T, const N: usize>(values: &[T], coordinates: impl Fn(&T) -> [f32; N], to: &mut Writer) {
+    for i in 0..N {
+        to.column::<4>(values.iter().map(|value| coordinates(value)[i].to_bits()));
+    }
+}
+
+/// Columns of masks as rows, one after the other.
+fn interleave(mut columns: Vec<Column<'_, 2>>) -> Vec<u16> {
+    let rows = columns.first().map_or(0, ExactSizeIterator::len);
+    let mut masks = Vec::with_capacity(rows * columns.len());
+    for _ in 0..rows {
+        masks.extend(columns.iter_mut().filter_map(Iterator::next).map(|mask| mask as u16));
+    }
+    masks
+}

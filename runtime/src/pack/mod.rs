@@ -1,5 +1,311 @@
-//! The pack: a garment as bytes.
+//! The pack: a garment as bytes. Opening checks everything once; what a pack contains stands in [`layout`], how numbers
+//! are stored in [`codec`]. Knows nothing of files or frames.
+
 pub mod codec;
 pub mod layout;
 #[cfg(feature = "write")]
 pub mod write;
+
+use crate::garment::{Garment, GarmentData, InvalidGarment, limits};
+use crate::skeleton::SkeletonError;
+use codec::{Encoding, Reader};
+use layout::{Entry, Tag};
+
+/// An open pack.
+#[derive(Clone, Debug)]
+pub struct Pack {
+    version: (u16, u16),
+    sections: Vec<SectionInfo>,
+    garment: Garment,
+}
+
+/// What the section table of a pack says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SectionInfo {
+    /// The section's name.
+    pub tag: Tag,
+    /// How it is stored; `None` in a section of a newer version.
+    pub encoding: Option<Encoding>,
+    /// Where it begins, bytes.
+    pub offset: usize,
+    /// Bytes in the pack.
+    pub stored_length: usize,
+    /// Bytes once decoded.
+    pub decoded_length: usize,
+}
+
+impl Pack {
+    /// Opens a pack and checks everything in it. The bytes are not needed afterwards.
+    ///
+    /// # Errors
+    /// When the bytes are no pack, are damaged, or break a limit or rule; says which section and element, and why.
+    /// Nothing in a pack, however wrong, makes it panic.
+    ///
+    /// # Memory
+    /// Opening n bytes never holds more than 3 × min(255 n, [`limits::DECODED_BYTES`]) + 1 MiB.
+    pub fn open(bytes: &[u8]) -> Result<Pack, OpenError> {
+        Pack::open_with_limit(bytes, limits::DECODED_BYTES)
+    }
+
+    /// [`Pack::open`] with a smaller limit, `decoded_bytes`, for all decoded sections together.
+    ///
+    /// # Errors
+    /// As [`Pack::open`].
+    pub fn open_with_limit(bytes: &[u8], decoded_bytes: usize) -> Result<Pack, OpenError> {
+        let (minor, entries) = layout::read_header(bytes)?;
+        let sections = check_sections(bytes, minor, &entries)?;
+        check_decoded_length(&sections, decoded_bytes)?;
+        let data = read_garment(bytes, &sections)?;
+        Ok(Pack { version: (layout::MAJOR, minor), sections, garment: Garment::new(data)? })
+    }
+
+    /// The garment.
+    #[must_use]
+    pub fn garment(&self) -> &Garment {
+        &self.garment
+    }
+
+    /// The garment, without the rest.
+    #[must_use]
+    pub fn into_garment(self) -> Garment {
+        self.garment
+    }
+
+    /// Major and minor version of the format in which the pack was written.
+    #[must_use]
+    pub fn version(&self) -> (u16, u16) {
+        self.version
+    }
+
+    /// The section table, in the order of the pack.
+    #[must_use]
+    pub fn sections(&self) -> &[SectionInfo] {
+        &self.sections
+    }
+}
+
+/// Why bytes could not be opened as a pack.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OpenError {
+    /// They do not begin like a pack.
+    #[error("this is not a kitsuke pack")]
+    NotAPack,
+    /// They are more than [`limits::PACK_BYTES`].
+    #[error("the pack has {0} bytes; at most {max} are possible", max = limits::PACK_BYTES)]
+    TooLong(usize),
+    /// Another major version wrote it.
+    #[error(
+        "the pack is of format version {major}.{minor}, and this version of kitsuke reads version {known}: {}",
+        if *major > layout::MAJOR { "update kitsuke" } else { "build the pack anew" }, known = layout::MAJOR
+    )]
+    Version {
+        /// Major version of the pack.
+        major: u16,
+        /// Minor version of the pack.
+        minor: u16,
+    },
+    /// The header is cut off or damaged.
+    #[error("the pack is damaged: {0}")]
+    Header(&'static str),
+    /// It is longer or shorter than it says.
+    #[error("the pack is damaged: it has {length} bytes instead of {stated}")]
+    Length {
+        /// The length that the header states.
+        stated: usize,
+        /// The length that there is.
+        length: usize,
+    },
+    /// A section is not there.
+    #[error("the pack has no section {0}")]
+    Missing(Tag),
+    /// The decoded sections would be longer than allowed.
+    #[error("the pack decodes to {decoded} bytes; at most {limit} are allowed")]
+    DecodedLength {
+        /// The decoded length that the section table states.
+        decoded: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A section is wrong as a whole.
+    #[error("section {tag}, byte {offset} of the pack: {problem}")]
+    Section {
+        /// The section.
+        tag: Tag,
+        /// Where it begins according to the section table, bytes.
+        offset: usize,
+        /// What is wrong.
+        problem: SectionProblem,
+    },
+    /// A section's content is wrong.
+    #[error("section {tag}, byte {at} of its content: {problem}")]
+    Content {
+        /// The section.
+        tag: Tag,
+        /// How many of its decoded bytes had been read.
+        at: usize,
+        /// What is wrong.
+        problem: ContentProblem,
+    },
+    /// The garment breaks a rule.
+    #[error(transparent)]
+    Garment(#[from] InvalidGarment),
+}
+
+/// What is wrong with a section as a whole.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SectionProblem {
+    /// It begins elsewhere than after the section before it.
+    #[error("it must begin at byte {expected}")]
+    Offset {
+        /// Where it must begin.
+        expected: usize,
+    },
+    /// It ends after the pack.
+    #[error("it ends after the pack")]
+    Ends,
+    /// The bytes before it are not all 0.
+    #[error("the bytes before it are not 0")]
+    Padding,
+    /// It is not the first of its name.
+    #[error("it occurs twice")]
+    Twice,
+    /// This version of the format has no such section.
+    #[error("it is unknown")]
+    Unknown,
+    /// Its checksum does not match.
+    #[error("its checksum does not match: the pack is damaged")]
+    Checksum,
+    /// This version of the format has no such encoding.
+    #[error("its encoding {0} is unknown")]
+    Encoding(u32),
+    /// It does not decode to the length that the section table states.
+    #[error("it does not decode to {decoded_length} bytes")]
+    Decode {
+        /// The stated length.
+        decoded_length: usize,
+    },
+}
+
+/// What is wrong with the content of a section.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ContentProblem {
+    /// It ends too early.
+    #[error("{needed} bytes are needed and {left} are left")]
+    Ends {
+        /// Bytes needed.
+        needed: usize,
+        /// Bytes left.
+        left: usize,
+    },
+    /// It ends too late.
+    #[error("{0} bytes are left over")]
+    LeftOver(usize),
+    /// A count is above its limit.
+    #[error("there are {count} {what}; at most {limit} are possible")]
+    Count {
+        /// Of what.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A flag is neither 0 nor 1.
+    #[error("a flag is {0}, which is neither 0 nor 1")]
+    Flag(u8),
+    /// A text is not UTF-8.
+    #[error("a text is not UTF-8")]
+    Utf8,
+    /// There is no such bone.
+    #[error("there is no bone {0}")]
+    Bone(u8),
+    /// There is no such segment.
+    #[error("there is no segment {0}")]
+    Segment(u16),
+    /// The joints are no skeleton.
+    #[error(transparent)]
+    Skeleton(SkeletonError),
+}
+
+/// Checks the section table: where sections lie, that each is intact, and that none is missing or unknown.
+fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<SectionInfo>, OpenError> {
+    let mut sections: Vec<SectionInfo> = Vec::with_capacity(entries.len());
+    let mut end = layout::header_length(entries.len());
+    for entry in entries {
+        let &Entry { tag, offset, stored_length, decoded_length, .. } = entry;
+        let fail = |problem| Err(OpenError::Section { tag, offset, problem });
+        let expected = end.next_multiple_of(layout::ALIGNMENT);
+        if offset != expected {
+            return fail(SectionProblem::Offset { expected });
+        }
+        let Some(padding) = bytes.get(end..offset) else { return fail(SectionProblem::Ends) };
+        if padding.iter().any(|&byte| byte != 0) {
+            return fail(SectionProblem::Padding);
+        }
+        end = offset.saturating_add(stored_length);
+        let Some(stored) = bytes.get(offset..end) else { return fail(SectionProblem::Ends) };
+        if layout::checksum(stored) != entry.checksum {
+            return fail(SectionProblem::Checksum);
+        }
+        if sections.iter().any(|section| section.tag == tag) {
+            return fail(SectionProblem::Twice);
+        }
+        let known = layout::ALL.contains(&tag);
+        if !known && minor <= layout::MINOR {
+            return fail(SectionProblem::Unknown);
+        }
+        let encoding = Encoding::from_number(entry.encoding);
+        match encoding {
+            None if known => return fail(SectionProblem::Encoding(entry.encoding)),
+            // Before anything is allocated for it.
+            Some(encoding) if known && decoded_length > encoding.longest_decoded(stored_length) => {
+                return fail(SectionProblem::Decode { decoded_length });
+            }
+            _ => {}
+        }
+        sections.push(SectionInfo { tag, encoding, offset, stored_length, decoded_length });
+    }
+    if end != bytes.len() {
+        return Err(OpenError::Length { stated: end, length: bytes.len() });
+    }
+    let missing = |tag: &&Tag| !sections.iter().any(|section| section.tag == **tag);
+    match layout::ALL.iter().find(missing) {
+        Some(&tag) => Err(OpenError::Missing(tag)),
+        None => Ok(sections),
+    }
+}
+
+fn check_decoded_length(sections: &[SectionInfo], limit: usize) -> Result<(), OpenError> {
+    let known = sections.iter().filter(|section| layout::ALL.contains(&section.tag));
+    let decoded = known.fold(0usize, |sum, section| sum.saturating_add(section.decoded_length));
+    if decoded > limit { Err(OpenError::DecodedLength { decoded, limit }) } else { Ok(()) }
+}
+
+/// Decodes the sections one after the other, so that only one of them is in memory beside the garment.
+fn read_garment(bytes: &[u8], sections: &[SectionInfo]) -> Result<GarmentData, OpenError> {
+    let info = read_section(bytes, sections, layout::INFO, layout::read_info)?;
+    let skeleton = read_section(bytes, sections, layout::SKEL, layout::read_skeleton)?;
+    let mesh = read_section(bytes, sections, layout::MESH, |from| layout::read_mesh(&info, from))?;
+    let skin = read_section(bytes, sections, layout::SKIN, |from| layout::read_skin(&info, from))?;
+    let (drivers, poses) = read_section(bytes, sections, layout::DRIV, |from| layout::read_drivers(&info, from))?;
+    let segments = read_section(bytes, sections, layout::SEGS, |from| layout::read_segments(&info, from))?;
+    let targets = read_section(bytes, sections, layout::TGTS, |from| layout::read_targets(&info, &segments, from))?;
+    Ok(GarmentData { id: info.id, name: info.name, skeleton, mesh, skin, drivers, segments, targets, poses })
+}
+
+fn read_section<T>(
+    bytes: &[u8],
+    sections: &[SectionInfo],
+    tag: Tag,
+    read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
+) -> Result<T, OpenError> {
+    let section = sections.iter().find(|section| section.tag == tag).ok_or(OpenError::Missing(tag))?;
+    let &SectionInfo { offset, stored_length, decoded_length, .. } = section;
+    let stored = &bytes[offset..offset + stored_length];
+    let decoded = section.encoding.and_then(|encoding| encoding.decode(stored, decoded_length));
+    let problem = SectionProblem::Decode { decoded_length };
+    let decoded = decoded.ok_or(OpenError::Section { tag, offset, problem })?;
+    let mut reader = Reader::new(&decoded);
+    let content = read(&mut reader).and_then(|content| reader.finish().map(|()| content));
+    content.map_err(|problem| OpenError::Content { tag, at: reader.at(), problem })
+}
