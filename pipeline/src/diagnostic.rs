@@ -40,3 +40,48 @@ pub struct Diagnostic {
     /// What to do, one sentence.
     pub help: String,
 }
+
+impl Diagnostic {
+    /// An error; [`Diagnostic::problem`] and [`Diagnostic::help`] complete it.
+    #[must_use]
+    pub fn error(code: &'static str, file: impl Into<String>, place: Place) -> Diagnostic {
+        let (file, problem, help) = (file.into(), String::new(), String::new());
+        Diagnostic { severity: Severity::Error, code, file, place, problem, help }
+    }
+
+    /// A warning; [`Diagnostic::problem`] and [`Diagnostic::help`] complete it.
+    #[must_use]
+    pub fn warning(code: &'static str, file: impl Into<String>, place: Place) -> Diagnostic {
+        Diagnostic { severity: Severity::Warning, ..Diagnostic::error(code, file, place) }
+    }
+
+    /// With what is wrong.
+    #[must_use]
+    pub fn problem(mut self, problem: impl Into<String>) -> Diagnostic {
+        self.problem = problem.into();
+        self
+    }
+
+    /// With what to do.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Diagnostic {
+        self.help = help.into();
+        self
+    }
+}
+
+/// Sorted by file and place, so that one run reads like another.
+#[must_use]
+pub fn sorted(mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
+    let position = |place: &Place| match place {
+        Place::File => (0, 0),
+        Place::Line(line) => (1, *line as usize),
+        Place::Span(span) => (2, span.start),
+    };
+    diagnostics.sort_by(|a, b| {
+        let key = |d: &Diagnostic| (position(&d.place), d.severity, d.code);
+        a.file.cmp(&b.file).then_with(|| key(a).cmp(&key(b))).then_with(|| a.problem.cmp(&b.problem))
+    });
+    diagnostics.dedup();
+    diagnostics
+}

@@ -1,6 +1,8 @@
 //! Builds kimono packs: Source → Ir → Pack. `build` is the table of contents; one file per stage.
 
+pub mod check;
 pub mod diagnostic;
 pub mod ir;
 pub mod raster;
 pub mod sheet;
+pub mod source;

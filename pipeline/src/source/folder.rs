@@ -1,0 +1,148 @@
+//! Where a garment's files lie and how their bytes come in: paths as artists write them, limits, hashes. Knows no
+//! format.
+
+use crate::diagnostic::{Diagnostic, Place};
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Longest file that is read, bytes.
+pub const FILE_BYTES: u64 = 256 << 20;
+
+/// A garment's folder inside its assets folder.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    /// The assets folder: nothing outside it is read.
+    root: PathBuf,
+    /// The garment folder's name.
+    id: String,
+}
+
+/// A file that the garment uses.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct InputFile {
+    /// Relative to the assets folder, `/` as separator.
+    pub path: String,
+    /// Hash of the bytes, 64 hex digits.
+    pub blake3: String,
+}
+
+impl Folder {
+    /// The folder at `garment_dir`, which need not exist yet.
+    ///
+    /// # Errors
+    /// The path has no parent or no printable name.
+    pub fn new(garment_dir: &Path) -> Result<Folder, Diagnostic> {
+        let located = std::path::absolute(garment_dir).ok();
+        let id = located.as_deref().and_then(Path::file_name).and_then(|name| name.to_str());
+        match (id, located.as_deref().and_then(Path::parent)) {
+            (Some(id), Some(root)) => Ok(Folder { root: root.to_owned(), id: id.to_owned() }),
+            _ => Err(Diagnostic::error("garment-folder", garment_dir.to_string_lossy(), Place::File)
+                .problem("this is no garment folder")
+                .help("Give the folder that holds garment.toml, for example assets-src/komon.")),
+        }
+    }
+
+    /// The garment folder's name, which is the garment's ID.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The assets folder.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The name, relative to the assets folder, of a file that is written relative to the garment folder:
+    /// `../bodies/b04.glb` gives `bodies/b04.glb`.
+    ///
+    /// # Errors
+    /// Says what is wrong with a path that is absolute, uses `\` or leaves the assets folder.
+    pub fn name_of(&self, written: &str) -> Result<String, String> {
+        let has_drive = written.as_bytes().get(1) == Some(&b':');
+        if written.is_empty() {
+            return Err("the path is empty".to_owned());
+        }
+        if written.contains('\\') {
+            return Err(format!("the path `{written}` has `\\`; write `/`"));
+        }
+        if written.starts_with('/') || has_drive {
+            return Err(format!("the path `{written}` is absolute; write it relative to the garment folder"));
+        }
+        let mut parts = vec![self.id.as_str()];
+        for part in written.split('/') {
+            match part {
+                "" | "." => {}
+                ".." => {
+                    if parts.pop().is_none() {
+                        return Err(format!("the path `{written}` leaves the assets folder"));
+                    }
+                }
+                _ => parts.push(part),
+            }
+        }
+        Ok(parts.join("/"))
+    }
+
+    /// All bytes of a file named as by [`Folder::name_of`].
+    ///
+    /// # Errors
+    /// What the system says; or that the file lies outside the assets folder (by a symbolic link) or is longer than
+    /// [`FILE_BYTES`].
+    pub fn read(&self, name: &str) -> io::Result<Vec<u8>> {
+        let path = self.root.join(name);
+        if !path.canonicalize()?.starts_with(self.root.canonicalize()?) {
+            return Err(io::Error::other("it is a link out of the assets folder"));
+        }
+        if !fs::metadata(&path)?.is_file() {
+            return Err(io::Error::other("it is no file"));
+        }
+        let mut bytes = Vec::new();
+        fs::File::open(&path)?.take(FILE_BYTES + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 > FILE_BYTES {
+            return Err(io::Error::other(format!("it is longer than {} MB", FILE_BYTES >> 20)));
+        }
+        Ok(bytes)
+    }
+
+    /// A file beside the missing `name` whose name is nearly the same.
+    #[must_use]
+    pub fn similar(&self, name: &str) -> Option<String> {
+        let (dir, file) = name.rsplit_once('/')?;
+        let entries = fs::read_dir(self.root.join(dir)).ok()?;
+        let mut names: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
+        names.sort();
+        super::closest(file, names.iter().map(String::as_str)).map(str::to_owned)
+    }
+}
+
+/// The hash of a file's bytes as [`InputFile`] holds it.
+#[must_use]
+pub fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_stay_inside_the_assets_folder() {
+        let folder = Folder::new(Path::new("assets-src/komon")).unwrap();
+        let check =
+            |written: &str, expected: Option<&str>| assert_eq!(folder.name_of(written).ok().as_deref(), expected);
+        check("base.obj", Some("komon/base.obj"));
+        check("poses/01 a.obj", Some("komon/poses/01 a.obj"));
+        check("./poses//x.obj", Some("komon/poses/x.obj"));
+        check("../bodies/b04.glb", Some("bodies/b04.glb"));
+        check("../komon/../bodies/b04.glb", Some("bodies/b04.glb"));
+        check("../../secret", None);
+        check("a/../../../secret", None);
+        check("/etc/passwd", None);
+        check("C:/base.obj", None);
+        check("poses\\01.obj", None);
+        check("", None);
+    }
+}

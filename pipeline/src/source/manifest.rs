@@ -1,0 +1,300 @@
+//! `garment.toml`: the manifest of a garment. Its types give both the reader and the JSON Schema for editors. Knows
+//! nothing of the files that it names.
+
+use super::closest;
+use super::units::{Angle, Length, LengthUnit};
+use crate::diagnostic::{Diagnostic, Place};
+use kitsuke::skeleton::Bone;
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer};
+use serde_json::Value as Json;
+use std::borrow::Cow;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The manifest's name in every garment folder.
+pub const FILE_NAME: &str = "garment.toml";
+
+/// A kimono's manifest. A key that is absent here was absent or wrong in the file, and has been reported.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[schemars(title = "garment.toml", deny_unknown_fields)]
+pub struct Manifest {
+    /// The name people read.
+    #[schemars(required)]
+    pub name: Option<Field<String>>,
+    /// Unit of the numbers in base, targets and obi; `m` unless given.
+    pub unit: Option<Field<LengthUnit>>,
+    /// Which axis points up in base, targets and obi: `+Y` (front +Z, the default) or `+Z` (front -Y).
+    pub up: Option<Field<Up>>,
+    /// How far the built shapes may lie from the target files; `0.05 mm` unless given.
+    pub budget: Option<Field<Length>>,
+    /// The kimono in the T-pose, an OBJ file.
+    #[schemars(required)]
+    pub base: Option<Field<String>>,
+    /// The colour texture, a PNG file.
+    pub texture: Option<Field<String>>,
+    /// The obi as a band of its own, an OBJ file.
+    pub obi: Option<Field<String>>,
+    /// The body on which base and targets were made, a GLB file with skeleton and skin weights.
+    #[schemars(required)]
+    pub body: Option<Field<String>>,
+    /// The pose table, a CSV file: one row per target (file, name, joint rotations); the first row is the base.
+    #[schemars(required)]
+    pub poses: Option<Field<String>>,
+    /// The tailoring dimensions as paths along edges of the base, a TOML file.
+    pub paths: Option<Field<String>>,
+    /// `auto` (the default): regions grow from where the targets differ; `painted`: the drivers' masks, as they are.
+    pub regions: Option<Field<RegionSource>>,
+    /// The joints that choose among the targets, each with the region of the kimono that it moves.
+    #[serde(default, rename = "driver")]
+    pub drivers: Vec<DriverEntry>,
+}
+
+/// One `[[driver]]`.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct DriverEntry {
+    /// For example `rightShoulder`.
+    #[schemars(required)]
+    pub name: Option<Field<String>>,
+    /// The joints whose rotations are compared, by their VRM 1.0 names.
+    #[schemars(required)]
+    pub joints: Option<Vec<Field<BoneName>>>,
+    /// Poses farther away than this are not similar.
+    #[schemars(required)]
+    pub threshold: Option<Field<Angle>>,
+    /// The painted region, a grey PNG file in the texture's space; needed when `regions = "painted"`.
+    pub mask: Option<Field<String>>,
+}
+
+/// Which axis points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+pub enum Up {
+    #[default]
+    #[serde(rename = "+Y")]
+    #[allow(missing_docs)]
+    Y,
+    #[serde(rename = "+Z")]
+    #[allow(missing_docs)]
+    Z,
+}
+
+/// Where the regions come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RegionSource {
+    #[default]
+    #[allow(missing_docs)]
+    Auto,
+    #[allow(missing_docs)]
+    Painted,
+}
+
+/// A bone by its VRM 1.0 name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "toml::Value")]
+pub struct BoneName(pub Bone);
+
+impl TryFrom<toml::Value> for BoneName {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<BoneName, String> {
+        let name = value.as_str().ok_or("a bone is a VRM 1.0 name, for example \"leftUpperArm\"")?;
+        Bone::from_name(name).map(BoneName).ok_or_else(|| unknown_bone(name))
+    }
+}
+
+/// Says that no bone is called so, and which one nearly is.
+pub(super) fn unknown_bone(name: &str) -> String {
+    match closest(name, Bone::ALL.iter().map(|bone| bone.name())) {
+        Some(similar) => format!("VRM 1.0 has no bone `{name}`; did you mean `{similar}`?"),
+        None => format!("VRM 1.0 has no bone `{name}`"),
+    }
+}
+
+impl JsonSchema for BoneName {
+    fn schema_name() -> Cow<'static, str> {
+        "Bone".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<&str> = Bone::ALL.iter().map(|bone| bone.name()).collect();
+        json_schema!({ "type": "string", "enum": names })
+    }
+}
+
+/// A value with its place in the file. A wrong value keeps its reason, so that one run can report all of them.
+#[derive(Debug)]
+pub struct Field<T> {
+    /// Byte range in the file.
+    pub span: Range<usize>,
+    value: Result<T, String>,
+}
+
+impl<T> Field<T> {
+    /// The value, unless it was wrong.
+    pub fn get(&self) -> Option<&T> {
+        self.value.as_ref().ok()
+    }
+
+    /// Where it stands.
+    pub fn place(&self) -> Place {
+        Place::Span(self.span.clone())
+    }
+}
+
+impl<'de, T: DeserializeOwned> Deserialize<'de> for Field<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Field<T>, D::Error> {
+        let raw = Spanned::<toml::Value>::deserialize(deserializer)?;
+        let span = raw.span();
+        let value = T::deserialize(raw.into_inner()).map_err(|error| error.message().to_owned());
+        Ok(Field { span, value })
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for Field<T> {
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+
+    fn schema_id() -> Cow<'static, str> {
+        T::schema_id()
+    }
+
+    fn inline_schema() -> bool {
+        T::inline_schema()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        T::json_schema(generator)
+    }
+}
+
+/// Reads a manifest and reports everything that its grammar and types can tell; nothing where it is no TOML at all.
+pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Manifest> {
+    let text = super::utf8(file, bytes, report)?;
+    let manifest = parse::<Manifest>(file, text, report)?;
+    let Manifest { name, unit, up, budget, base, texture, obi, body, poses, paths, regions, drivers } = &manifest;
+    for text in [name, base, texture, obi, body, poses, paths].into_iter().flatten() {
+        report_wrong(file, text, report);
+    }
+    unit.iter().for_each(|field| report_wrong(file, field, report));
+    up.iter().for_each(|field| report_wrong(file, field, report));
+    budget.iter().for_each(|field| report_wrong(file, field, report));
+    regions.iter().for_each(|field| report_wrong(file, field, report));
+    for DriverEntry { name, joints, threshold, mask } in drivers {
+        name.iter().chain(mask).for_each(|field| report_wrong(file, field, report));
+        threshold.iter().for_each(|field| report_wrong(file, field, report));
+        joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
+    }
+    Some(manifest)
+}
+
+/// Reports a field whose value is wrong.
+pub(super) fn report_wrong<T>(file: &str, field: &Field<T>, report: &mut Vec<Diagnostic>) {
+    if let Err(reason) = &field.value {
+        report.push(
+            Diagnostic::error("wrong-value", file, field.place())
+                .problem(reason.clone())
+                .help("assets-src/README.md lists the keys, their values and units."),
+        );
+    }
+}
+
+/// Parses TOML into `T` and reports syntax, unknown and missing keys by the schema of `T`.
+pub(super) fn parse<T: DeserializeOwned + JsonSchema>(
+    file: &str,
+    text: &str,
+    report: &mut Vec<Diagnostic>,
+) -> Option<T> {
+    let (document, errors) = DeTable::parse_recoverable(text);
+    let syntax = |error: &toml::de::Error| {
+        let place = error.span().map_or(Place::File, Place::Span);
+        Diagnostic::error("toml-syntax", file, place)
+            .problem(error.message())
+            .help("Mend the TOML here; strings stand in double quotes.")
+    };
+    if !errors.is_empty() {
+        report.extend(errors.iter().map(syntax));
+        return None;
+    }
+    keys(file, document.get_ref(), None, &schema_of::<T>(), None, report);
+    toml::from_str(text).map_err(|error| report.push(syntax(&error))).ok()
+}
+
+/// Reports the keys of `table` that `schema` does not know, and those that it wants and does not find.
+fn keys(
+    file: &str,
+    table: &DeTable<'_>,
+    span: Option<Range<usize>>,
+    root: &Json,
+    schema: Option<&Json>,
+    report: &mut Vec<Diagnostic>,
+) {
+    let schema = resolve(root, schema.unwrap_or(root));
+    let known = schema["properties"].as_object();
+    let of_any_key = &schema["additionalProperties"];
+    for (key, value) in table {
+        let name = key.get_ref().as_ref();
+        let inner = match known.and_then(|known| known.get(name)) {
+            Some(inner) => inner,
+            None if of_any_key.is_object() => of_any_key,
+            None => {
+                let similar = closest(name, known.into_iter().flatten().map(|(known, _)| known.as_str()));
+                let problem = match similar {
+                    Some(similar) => format!("there is no key `{name}`; did you mean `{similar}`?"),
+                    None => format!("there is no key `{name}`"),
+                };
+                let all: Vec<&str> = known.into_iter().flatten().map(|(known, _)| known.as_str()).collect();
+                report.push(
+                    Diagnostic::error("unknown-key", file, Place::Span(key.span()))
+                        .problem(problem)
+                        .help(format!("The keys here are {}.", all.join(", "))),
+                );
+                continue;
+            }
+        };
+        match value.get_ref() {
+            DeValue::Table(table) => keys(file, table, Some(key.span()), root, Some(inner), report),
+            DeValue::Array(array) => {
+                for item in array.iter() {
+                    if let DeValue::Table(table) = item.get_ref() {
+                        let inner = &resolve(root, inner)["items"];
+                        keys(file, table, Some(item.span()), root, Some(inner), report);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    for missing in schema["required"].as_array().into_iter().flatten().filter_map(Json::as_str) {
+        if !table.contains_key(missing) {
+            let described = resolve(root, &schema["properties"][missing]);
+            let described = schema["properties"][missing]["description"].as_str().or(described["description"].as_str());
+            report.push(
+                Diagnostic::error("missing-key", file, span.clone().map_or(Place::File, Place::Span))
+                    .problem(format!("the key `{missing}` is missing"))
+                    .help(format!("Add `{missing} = …`: {}", described.unwrap_or("see assets-src/README.md."))),
+            );
+        }
+    }
+}
+
+/// Follows `$ref` (schemars writes it alone or as the only member of `allOf`).
+fn resolve<'a>(root: &'a Json, schema: &'a Json) -> &'a Json {
+    let reference = schema["$ref"].as_str().or_else(|| schema["allOf"][0]["$ref"].as_str());
+    reference.and_then(|path| root.pointer(path.trim_start_matches('#'))).unwrap_or(schema)
+}
+
+fn schema_of<T: JsonSchema>() -> Json {
+    SchemaSettings::draft07().into_generator().into_root_schema_for::<T>().to_value()
+}
+
+/// The JSON Schema (draft 7) of `garment.toml`, as text that ends with a newline.
+#[must_use]
+pub fn schema() -> String {
+    format!("{:#}\n", schema_of::<Manifest>())
+}

@@ -1,0 +1,309 @@
+//! Reads an artist's folder: the only place that knows file formats and derives `Deserialize`. `load` reads and checks
+//! everything; `input_files` only finds out which bytes a garment depends on.
+
+pub mod body;
+pub mod folder;
+pub mod manifest;
+pub mod masks;
+pub mod obj;
+pub mod paths;
+pub mod tables;
+pub mod units;
+
+use crate::diagnostic::{self, Diagnostic, Place, Severity};
+use crate::{check, ir};
+use folder::Folder;
+pub use folder::InputFile;
+use manifest::{Field, Manifest};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+use tables::PoseTable;
+
+/// What a garment folder gave.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The checked garment; `None` when there is an error.
+    pub garment: Option<ir::Garment>,
+    /// Errors and warnings, sorted.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Every file that was read, by path.
+    pub inputs: Vec<InputFile>,
+}
+
+/// A garment's files as they were read, unchecked against each other. What could not be read has been reported and is
+/// absent.
+#[derive(Debug)]
+pub struct Source {
+    /// Where it lies.
+    pub folder: Folder,
+    /// The manifest.
+    pub manifest: Manifest,
+    /// The pose table.
+    pub poses: Option<PoseTable>,
+    /// Meshes by file name: base, targets, obi.
+    pub meshes: BTreeMap<String, obj::Mesh>,
+    /// Masks by file name.
+    pub masks: BTreeMap<String, masks::Mask>,
+    /// The body.
+    pub body: Option<ir::Body>,
+    /// The measured paths.
+    pub paths: Option<paths::Paths>,
+    /// The texture's bytes.
+    pub texture_png: Option<Vec<u8>>,
+}
+
+/// What a file is read as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    Mesh,
+    Body,
+    Mask,
+    Paths,
+    Texture,
+}
+
+/// A file that the manifest or the pose table names.
+#[derive(Debug)]
+struct Reference {
+    name: String,
+    role: Role,
+    cited_in: String,
+    place: Place,
+}
+
+/// Reads and checks a garment folder: all mistakes in one run.
+#[must_use]
+pub fn load(garment_dir: &Path) -> Loaded {
+    let mut report = Vec::new();
+    let (source, inputs) = read(garment_dir, &mut report);
+    let garment = source.and_then(|source| check::check(source, &mut report));
+    let diagnostics = diagnostic::sorted(report);
+    let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
+    Loaded { garment: garment.filter(|_| is_sound), diagnostics, inputs }
+}
+
+/// Hashes every file that the garment uses, reading only manifest and pose table.
+///
+/// # Errors
+/// What is wrong with these two, or which file cannot be read.
+pub fn input_files(garment_dir: &Path) -> Result<Vec<InputFile>, Vec<Diagnostic>> {
+    let mut report = Vec::new();
+    let Some((folder, head)) = read_head(garment_dir, &mut report) else { return Err(diagnostic::sorted(report)) };
+    let files = read_files(&folder, &head.references, &mut report, |_, bytes| folder::hash(&bytes));
+    if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
+        return Err(diagnostic::sorted(report));
+    }
+    let mut inputs = head.inputs;
+    inputs.extend(files.into_iter().map(|(path, blake3)| InputFile { path, blake3 }));
+    inputs.sort();
+    Ok(inputs)
+}
+
+/// The name nearest to `word`, if it is near enough to be what was meant.
+#[must_use]
+pub fn closest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let distance = |name: &str| strsim::damerau_levenshtein(&word.to_lowercase(), &name.to_lowercase());
+    let nearest = names.into_iter().map(|name| (distance(name), name)).min()?;
+    (nearest.0 <= 1 + word.chars().count() / 4).then_some(nearest.1)
+}
+
+/// A text file's content.
+fn utf8<'a>(file: &str, bytes: &'a [u8], report: &mut Vec<Diagnostic>) -> Option<&'a str> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Some(text),
+        Err(error) => {
+            let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
+            report.push(
+                Diagnostic::error("encoding", file, Place::Line(line))
+                    .problem("the file is not UTF-8 text")
+                    .help("Save it as UTF-8."),
+            );
+            None
+        }
+    }
+}
+
+/// Manifest and pose table, and the files that they name.
+struct Head {
+    manifest: Manifest,
+    poses: Option<PoseTable>,
+    references: Vec<Reference>,
+    inputs: Vec<InputFile>,
+}
+
+fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder, Head)> {
+    let folder = Folder::new(garment_dir).map_err(|diagnostic| report.push(diagnostic)).ok()?;
+    let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
+    let mut inputs = Vec::new();
+    let bytes = match folder.read(&manifest_file) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            report.push(
+                Diagnostic::error("file", &manifest_file, Place::File)
+                    .problem(format!("the manifest cannot be read: {error}"))
+                    .help("A garment folder holds garment.toml; `cargo xtask new ID` makes one."),
+            );
+            return None;
+        }
+    };
+    inputs.push(InputFile { path: manifest_file.clone(), blake3: folder::hash(&bytes) });
+    let manifest = manifest::read(&manifest_file, &bytes, report)?;
+    let mut cite = Citations { folder: &folder, manifest_file: &manifest_file, references: Vec::new(), report };
+    let poses_name = cite.resolve(manifest.poses.as_ref());
+    cite.add(manifest.base.as_ref(), Role::Mesh);
+    cite.add(manifest.obi.as_ref(), Role::Mesh);
+    cite.add(manifest.body.as_ref(), Role::Body);
+    cite.add(manifest.paths.as_ref(), Role::Paths);
+    cite.add(manifest.texture.as_ref(), Role::Texture);
+    for driver in &manifest.drivers {
+        cite.add(driver.mask.as_ref(), Role::Mask);
+    }
+    let mut references = cite.references;
+    let mut poses = None;
+    if let Some((name, place)) = poses_name {
+        match folder.read(&name) {
+            Ok(bytes) => {
+                inputs.push(InputFile { path: name.clone(), blake3: folder::hash(&bytes) });
+                poses = tables::read(&name, &bytes, report);
+            }
+            Err(error) => report.push(missing_file(&folder, &name, &manifest_file, &place, &error)),
+        }
+        // Row 0 is the base, which the manifest has named.
+        for row in poses.iter().flat_map(|table| table.rows.iter().skip(1)) {
+            let place = Place::Line(row.line);
+            match folder.name_of(&row.file) {
+                Ok(target) => {
+                    references.push(Reference { name: target, role: Role::Mesh, cited_in: name.clone(), place })
+                }
+                Err(problem) => report.push(
+                    Diagnostic::error("path", &name, place)
+                        .problem(problem)
+                        .help("Name a file inside the assets folder, relative to the garment folder, with `/`."),
+                ),
+            }
+        }
+    }
+    Some((folder, Head { manifest, poses, references, inputs }))
+}
+
+/// Collects the files that the manifest names.
+struct Citations<'a> {
+    folder: &'a Folder,
+    manifest_file: &'a str,
+    references: Vec<Reference>,
+    report: &'a mut Vec<Diagnostic>,
+}
+
+impl Citations<'_> {
+    fn resolve(&mut self, field: Option<&Field<String>>) -> Option<(String, Place)> {
+        let field = field?;
+        match self.folder.name_of(field.get()?) {
+            Ok(name) => Some((name, field.place())),
+            Err(problem) => {
+                self.report.push(
+                    Diagnostic::error("path", self.manifest_file, field.place())
+                        .problem(problem)
+                        .help("Name a file inside the assets folder, relative to the garment folder, with `/`."),
+                );
+                None
+            }
+        }
+    }
+
+    fn add(&mut self, field: Option<&Field<String>>, role: Role) {
+        if let Some((name, place)) = self.resolve(field) {
+            self.references.push(Reference { name, role, cited_in: self.manifest_file.to_owned(), place });
+        }
+    }
+}
+
+fn missing_file(folder: &Folder, name: &str, cited_in: &str, place: &Place, error: &std::io::Error) -> Diagnostic {
+    let help = match folder.similar(name) {
+        Some(similar) => format!("Beside it lies `{similar}`; is that meant?"),
+        None => "Put the file there, or correct the path, which is relative to the garment folder.".to_owned(),
+    };
+    let reason = match error.kind() {
+        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        _ => error.to_string(),
+    };
+    Diagnostic::error("file", cited_in, place.clone()).problem(format!("{name} cannot be read: {reason}")).help(help)
+}
+
+/// Reads all named files in parallel, each once, and gives what `decode` makes of them, by name.
+fn read_files<T: Send>(
+    folder: &Folder,
+    references: &[Reference],
+    report: &mut Vec<Diagnostic>,
+    decode: impl Fn(&Reference, Vec<u8>) -> T + Sync,
+) -> BTreeMap<String, T> {
+    let first_of: BTreeMap<&str, &Reference> = references.iter().rev().map(|r| (r.name.as_str(), r)).collect();
+    let read: Vec<_> = first_of
+        .into_par_iter()
+        .map(|(name, reference)| (name, folder.read(name).map(|bytes| decode(reference, bytes))))
+        .collect();
+    let mut files = BTreeMap::new();
+    for (name, result) in read {
+        match result {
+            Ok(decoded) => {
+                files.insert(name.to_owned(), decoded);
+            }
+            Err(error) => {
+                for reference in references.iter().filter(|reference| reference.name == name) {
+                    report.push(missing_file(folder, name, &reference.cited_in, &reference.place, &error));
+                }
+            }
+        }
+    }
+    files
+}
+
+/// What a file was decoded to.
+enum Decoded {
+    Mesh(Option<obj::Mesh>),
+    Body(Option<Box<ir::Body>>),
+    Mask(Option<masks::Mask>),
+    Paths(Option<paths::Paths>),
+    Texture(Vec<u8>),
+}
+
+fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Vec<InputFile>) {
+    let Some((folder, head)) = read_head(garment_dir, report) else { return (None, Vec::new()) };
+    let files = read_files(&folder, &head.references, report, |reference, bytes| {
+        let (name, mut report) = (reference.name.as_str(), Vec::new());
+        let hash = folder::hash(&bytes);
+        let decoded = match reference.role {
+            Role::Mesh => Decoded::Mesh(obj::read(name, &bytes, &mut report)),
+            Role::Body => Decoded::Body(body::read(name, &bytes, &mut report).map(Box::new)),
+            Role::Mask => Decoded::Mask(masks::read(name, &bytes, &mut report)),
+            Role::Paths => Decoded::Paths(paths::read(name, &bytes, &mut report)),
+            Role::Texture => Decoded::Texture(bytes),
+        };
+        (decoded, report, hash)
+    });
+    let mut source = Source {
+        folder,
+        manifest: head.manifest,
+        poses: head.poses,
+        meshes: BTreeMap::new(),
+        masks: BTreeMap::new(),
+        body: None,
+        paths: None,
+        texture_png: None,
+    };
+    let mut inputs = head.inputs;
+    for (path, (decoded, mut found, blake3)) in files {
+        report.append(&mut found);
+        inputs.push(InputFile { path: path.clone(), blake3 });
+        match decoded {
+            Decoded::Mesh(mesh) => source.meshes.extend(mesh.map(|mesh| (path, mesh))),
+            Decoded::Mask(mask) => source.masks.extend(mask.map(|mask| (path, mask))),
+            Decoded::Body(body) => source.body = body.map(|body| *body),
+            Decoded::Paths(paths) => source.paths = paths,
+            Decoded::Texture(bytes) => source.texture_png = Some(bytes),
+        }
+    }
+    inputs.sort();
+    (Some(source), inputs)
+}
