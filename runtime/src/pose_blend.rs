@@ -1,1 +1,149 @@
-//! P0: from a pose to blend rates. Knows no mesh.
+//! From a pose to blend rates: how much each target counts for each driver (P0, steps 1 and 2). Knows rotations only,
+//! no vertex.
+
+use crate::garment::{Garment, PoseTable};
+use crate::skeleton::{Bone, Pose};
+use glam::Quat;
+
+/// Differences below this count as this: an input on a sample gives that sample all but 0.001 % of the rate, and
+/// samples whose rotations are the same up to the rounding of their table share evenly.
+const LEAST_DIFFERENCE_RAD: f32 = 1e-5;
+
+/// Largest rate that [`Rates::set`] keeps, either sign; far beyond it frames would lose their finite numbers.
+const LARGEST_RATE: f32 = 100.0;
+
+/// Blend rates: for every driver, how much every target counts. What is missing to 1 is the base's share.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rates {
+    targets: usize,
+    /// Row by row, one row of `targets` rates per driver.
+    rates: Vec<f32>,
+}
+
+impl Rates {
+    /// Rates for this garment, all 0: the base alone.
+    #[must_use]
+    pub fn new(garment: &Garment) -> Rates {
+        let data = garment.data();
+        Rates { targets: data.targets.len(), rates: vec![0.0; data.drivers.len() * data.targets.len()] }
+    }
+
+    /// How many drivers and targets these rates are for.
+    #[must_use]
+    pub fn shape(&self) -> (usize, usize) {
+        (self.rates.len().checked_div(self.targets).unwrap_or(0), self.targets)
+    }
+
+    /// The rates of all targets for one driver.
+    ///
+    /// # Panics
+    /// When there is no such driver.
+    #[must_use]
+    pub fn driver(&self, driver: usize) -> &[f32] {
+        &self.rates[driver * self.targets..(driver + 1) * self.targets]
+    }
+
+    /// Sets one rate. Any finite number is allowed (1 shows the target wholly, more exaggerates it) and kept within
+    /// ±100; what is not a number counts as 0.
+    ///
+    /// # Panics
+    /// When there is no such driver or target.
+    pub fn set(&mut self, driver: usize, target: usize, rate: f32) {
+        assert!(target < self.targets, "target {target} of {}", self.targets);
+        self.rates[driver * self.targets + target] =
+            if rate.is_nan() { 0.0 } else { rate.clamp(-LARGEST_RATE, LARGEST_RATE) };
+    }
+
+    /// Sets all rates to 0.
+    pub fn clear(&mut self) {
+        self.rates.fill(0.0);
+    }
+
+    /// Whether a target counts for any driver.
+    #[must_use]
+    pub fn is_active(&self, target: usize) -> bool {
+        self.rates.iter().skip(target).step_by(self.targets.max(1)).any(|&rate| rate != 0.0)
+    }
+}
+
+/// The kernel of the paper (P0, steps 1 and 2), driver by driver.
+///
+/// The pose difference D of a sample is the root of the summed squares of the angles between its rotations and those
+/// of the input, over the driver's joints. The samples with D no larger than the driver's threshold are similar; the
+/// base is a sample as well. Each similar sample's rate is proportional to 1/D, and the rates sum to 1. With no
+/// similar sample all rates are 0, which leaves the skinned base.
+///
+/// The text of the paper's formula for the rate is lost; inverse pose difference is our reading of "from the pose
+/// differences of the n similar poses". D below 1e-5 rad counts as 1e-5 rad, so that an input on a sample is no
+/// division by zero. A rotation and its negated quaternion are the same; a rotation that is not finite is far from
+/// every sample.
+///
+/// # Panics
+/// When `rates` was made for a garment of another shape.
+pub fn paper(garment: &Garment, pose: &Pose, rates: &mut Rates) {
+    let data = garment.data();
+    rates.assert_fits(garment);
+    rates.clear();
+    for (driver, row) in data.drivers.iter().zip(rates.rates.chunks_exact_mut(data.targets.len().max(1))) {
+        let closeness = |sample: usize| {
+            let difference_rad = pose_difference_rad(&data.poses, sample, &driver.joints, pose);
+            // Not a number compares as false, so it is never similar.
+            (difference_rad <= driver.threshold_rad).then(|| 1.0 / difference_rad.max(LEAST_DIFFERENCE_RAD))
+        };
+        let mut sum = closeness(0).unwrap_or(0.0);
+        for (target, rate) in row.iter_mut().enumerate() {
+            *rate = closeness(target + 1).unwrap_or(0.0);
+            sum += *rate;
+        }
+        if sum > 0.0 {
+            row.iter_mut().for_each(|rate| *rate /= sum);
+        }
+    }
+}
+
+impl Rates {
+    pub(crate) fn assert_fits(&self, garment: &Garment) {
+        let data = garment.data();
+        assert!(
+            self.targets == data.targets.len() && self.rates.len() == data.targets.len() * data.drivers.len(),
+            "the rates were made for another garment"
+        );
+    }
+}
+
+/// D of the paper: how far the pose is from a row of the table, over these joints. Radians.
+fn pose_difference_rad(table: &PoseTable, row: usize, joints: &[Bone], pose: &Pose) -> f32 {
+    let sample = table.row(row);
+    let squares = joints.iter().map(|&bone| {
+        let column = table.bones.iter().position(|&listed| listed == bone).expect("a checked driver's joint is listed");
+        let angle = angle_between_rad(pose.rotation(bone), sample[column]);
+        angle * angle
+    });
+    squares.sum::<f32>().sqrt()
+}
+
+/// The angle of the rotation that leads from one rotation to the other, 0 to pi, whatever the quaternions' signs and
+/// lengths. An arc cosine of the dot product would lose half the digits near 0.
+fn angle_between_rad(a: Quat, b: Quat) -> f32 {
+    let between = a.conjugate() * b;
+    2.0 * libm::atan2f(between.xyz().length(), between.w.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn angles_are_exact_at_both_ends_and_blind_to_sign_and_length() {
+        let axis = Vec3::new(0.6, 0.0, 0.8);
+        for angle in [0.0_f32, 1e-6, 1e-4, 0.3, 1.5, 3.0, std::f32::consts::PI] {
+            let turned = Quat::from_axis_angle(axis, angle);
+            for other in [turned, -turned, turned * 3.0] {
+                let found = angle_between_rad(Quat::IDENTITY, other);
+                assert!((found - angle).abs() <= 1e-6, "{found} for {angle}");
+            }
+        }
+        assert!(angle_between_rad(Quat::IDENTITY, Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0)).is_nan());
+    }
+}

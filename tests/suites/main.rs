@@ -1,4 +1,5 @@
 //! All suites, one binary.
 
+mod frame;
 mod look;
 mod pack;

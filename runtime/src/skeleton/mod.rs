@@ -131,6 +131,21 @@ impl Pose {
         self
     }
 
+    /// This pose with every number usable: rotations normalised, those that are not finite or have no length replaced
+    /// by the T-pose's, a hips translation that is not finite by none, a farther one than 1000 km brought back to it.
+    #[must_use]
+    pub fn sanitised(&self) -> Pose {
+        const FARTHEST_M: Vec3 = Vec3::splat(1e6);
+        let far = self.hips_translation_m.clamp(-FARTHEST_M, FARTHEST_M);
+        Pose {
+            rotations: self.rotations.map(|rotation| {
+                let length = rotation.length();
+                if length > 1e-6 && length < f32::INFINITY { rotation / length } else { Quat::IDENTITY }
+            }),
+            hips_translation_m: if self.hips_translation_m.is_finite() { far } else { Vec3::ZERO },
+        }
+    }
+
     /// Whether every number is finite and every rotation a unit quaternion within 1e-3.
     #[must_use]
     pub fn is_valid(&self) -> bool {
