@@ -1,5 +1,6 @@
 //! Tests of memory use, under a global allocator that counts per thread.
 
+mod frame;
 mod open;
 
 use std::alloc::{GlobalAlloc, Layout, System};
