@@ -2,7 +2,9 @@
 
 pub mod check;
 pub mod diagnostic;
+pub mod frames;
 pub mod ir;
 pub mod raster;
+pub mod scene;
 pub mod sheet;
 pub mod source;

@@ -1,0 +1,143 @@
+//! `cargo xtask evaluate`: frames as OBJ or NPY, and how far they lie from the target files.
+
+use crate::places::{Places, write_whole};
+use crate::shots;
+use clap::ValueEnum;
+use glam::Vec3;
+use kitsuke::Garment;
+use kitsuke::skeleton::Pose;
+use kitsuke_pipeline::frames::{Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj};
+use kitsuke_pipeline::ir;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Write frames of a kimono as OBJ or NPY
+#[derive(clap::Args)]
+pub struct Args {
+    /// A kimono's ID, or the path of a pack
+    #[arg(value_name = "ID")]
+    garment: String,
+    #[command(flatten)]
+    frames: Frames,
+    /// Where the files go
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// `npy`: float32 [frames, vertices, 3] positions.npy; `obj`: one file per frame. Metres, in the base file's order
+    #[arg(long)]
+    format: Format,
+    /// Apply the recorded translation of the hips
+    #[arg(long)]
+    root_motion: bool,
+    /// How poses become blend rates
+    #[arg(long, default_value = "paper")]
+    kernel: Kernel,
+    #[command(flatten)]
+    places: Places,
+}
+
+#[derive(clap::Args)]
+#[group(required = true, multiple = false)]
+struct Frames {
+    /// Rotations from a pose table; its `file` entries need not exist
+    #[arg(long, value_name = "FILE.csv")]
+    poses: Option<PathBuf>,
+    /// A recorded motion
+    #[arg(long, value_name = "FILE.bvh")]
+    motion: Option<PathBuf>,
+    /// The garment's own pose table, each row with only its own target at full rate, the base first
+    #[arg(long)]
+    targets: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    Obj,
+    Npy,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Kernel {
+    /// Inverse pose difference among the similar samples
+    Paper,
+}
+
+/// Writes the frames; 1 when something cannot be read or written.
+pub fn run(args: Args) -> ExitCode {
+    match evaluate(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn evaluate(args: &Args) -> Result<(), String> {
+    let pack = args.places.open(&args.garment)?;
+    let garment = pack.garment();
+    let Kernel::Paper = args.kernel;
+    let source = if args.frames.motion.is_none() { args.places.source(&garment.data().id) } else { None };
+    // Each shot with the positions of the file that it stands for, if it stands for one.
+    let mut wanted_m: Vec<Option<&[Vec3]>> = Vec::new();
+    let shots: Vec<Shot> = match (&args.frames.poses, &args.frames.motion) {
+        (Some(table), _) => {
+            let rows = shots::pose_table(table)?;
+            let file_m =
+                |row: &shots::Row| row.file.as_ref().and_then(|file| by_file(source.as_ref()?, file, &row.shot));
+            wanted_m.extend(rows.iter().map(file_m));
+            rows.into_iter().map(|row| row.shot).collect()
+        }
+        (_, Some(motion)) => shots::motion(motion, garment, args.root_motion)?,
+        _ => {
+            let base = source.iter().map(|source| Some(source.base.positions_m.as_slice()));
+            let targets =
+                source.iter().flat_map(|source| &source.targets).map(|target| Some(target.positions_m.as_slice()));
+            wanted_m.extend(base.chain(targets));
+            own_poses(garment)
+        }
+    };
+    if shots.is_empty() {
+        return Err("there is no frame to write".into());
+    }
+    let mut stage = Stage::new(garment);
+    match args.format {
+        Format::Npy => write_whole(&args.out.join("positions.npy"), |out| {
+            out.write_all(&npy_header(shots.len(), garment.unique_count()))?;
+            shots.iter().try_for_each(|shot| out.write_all(&npy_frame(&in_source_order(garment, stage.show(shot).0))))
+        })?,
+        Format::Obj => {
+            for (i, shot) in shots.iter().enumerate() {
+                let ordered_m = in_source_order(garment, stage.show(shot).0);
+                let path = args.out.join(format!("{i:04}_{}.obj", file_stem(&shot.name)));
+                write_whole(&path, |mut out| write_obj(garment, &ordered_m, &mut out))?;
+            }
+        }
+    }
+    println!("{} frames of {} vertices in {}", shots.len(), garment.unique_count(), args.out.display());
+    print_distances(garment, &shots, &wanted_m);
+    Ok(())
+}
+
+/// The positions of a pose table's `file`, by its name in the garment's own table.
+fn by_file<'a>(source: &'a ir::Garment, file: &str, shot: &Shot) -> Option<&'a [Vec3]> {
+    match source.targets.iter().find(|target| target.file == file) {
+        Some(target) => Some(&target.positions_m),
+        None => (shot.pose == Pose::REST).then_some(&source.base.positions_m),
+    }
+}
+
+/// Prints how far each shot lies from its file.
+fn print_distances(garment: &Garment, shots: &[Shot], wanted_m: &[Option<&[Vec3]>]) {
+    let mut stage = Stage::new(garment);
+    for (shot, wanted_m) in shots.iter().zip(wanted_m) {
+        let Some(wanted_m) = wanted_m.filter(|wanted_m| wanted_m.len() == garment.unique_count()) else { continue };
+        let Distance { max_m, mean_m, vertex } =
+            Distance::between(&in_source_order(garment, stage.show(shot).0), wanted_m);
+        println!("{:<28} max {:8.4} mm at vertex {vertex:<6} mean {:8.4} mm", shot.name, max_m * 1e3, mean_m * 1e3);
+    }
+}
+
+/// A name without what a file name cannot hold.
+fn file_stem(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).collect()
+}

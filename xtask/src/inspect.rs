@@ -1,0 +1,174 @@
+//! `cargo xtask inspect`: what is in a pack, and what the importer sees in a source file.
+
+use crate::shots::{read, said};
+use glam::DVec3;
+use kitsuke::Pack;
+use kitsuke::pack::layout::MAGIC;
+use kitsuke_pipeline::diagnostic::Diagnostic;
+use kitsuke_pipeline::source::{body, obj, tables};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Say what is in a pack, or what the importer sees in a source file (obj, glb, csv)
+#[derive(clap::Args)]
+pub struct Args {
+    /// The file
+    file: PathBuf,
+}
+
+/// Prints the contents; 1 when the file cannot be read or is none of these.
+pub fn run(args: Args) -> ExitCode {
+    match inspect(&args.file) {
+        Ok(text) => {
+            print!("{text}");
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn inspect(path: &Path) -> Result<String, String> {
+    let bytes = read(path)?;
+    let file = path.to_string_lossy();
+    let kind = path.extension().map(|kind| kind.to_string_lossy().to_ascii_lowercase());
+    let mut report = Vec::new();
+    let text = match kind.as_deref() {
+        _ if bytes.starts_with(&MAGIC) => {
+            return Pack::open(&bytes)
+                .map(|pack| pack_text(&pack, bytes.len()))
+                .map_err(|error| format!("{file}: {error}"));
+        }
+        Some("obj") => obj::read(&file, &bytes, &mut report).map(|mesh| mesh_text(&mesh)),
+        Some("glb") => body::read(&file, &bytes, &mut report).map(|body| body_text(&body)),
+        Some("csv") => tables::read_rotations(&file, &bytes, &mut report).map(|table| table_text(&table)),
+        _ => return Err(format!("{file} is neither a pack nor a source file that can be inspected (obj, glb, csv)")),
+    };
+    let text = text.ok_or_else(|| said(&report))?;
+    Ok(problems(text, &report))
+}
+
+fn problems(mut text: String, report: &[Diagnostic]) -> String {
+    match report.is_empty() {
+        true => text.push_str("problems     none seen\n"),
+        false => _ = writeln!(text, "problems     {}\n{}", report.len(), said(report)),
+    }
+    text
+}
+
+/// `line!(text, "label", "format", …)`: a label in its column, then the rest.
+macro_rules! line {
+    ($text:ident, $label:expr, $($rest:tt)*) => {{
+        write!($text, "{:<12} ", $label).expect("strings take everything");
+        writeln!($text, $($rest)*).expect("strings take everything");
+    }};
+}
+
+fn pack_text(pack: &Pack, bytes: usize) -> String {
+    let garment = pack.garment();
+    let data = garment.data();
+    let mut text = String::new();
+    let (major, minor) = pack.version();
+    line!(text, "pack", "{} \"{}\", format {major}.{minor}, {bytes} bytes", data.id, data.name);
+    let (unique, twins) = (garment.unique_count(), data.mesh.twin_of.len());
+    line!(text, "mesh", "{unique} vertices, {twins} seam twins, {} triangles", garment.triangle_count());
+    text.push_str("\nsection       stored    decoded  ratio\n");
+    for section in pack.sections() {
+        let ratio = section.decoded_length as f64 / section.stored_length.max(1) as f64;
+        line!(
+            text,
+            section.tag.to_string(),
+            "{:>7} {:>10} {ratio:>6.2}",
+            section.stored_length,
+            section.decoded_length
+        );
+    }
+    text.push_str("\ndriver           threshold  joints\n");
+    for driver in &data.drivers {
+        let joints: Vec<&str> = driver.joints.iter().map(|joint| joint.name()).collect();
+        line!(text, driver.name, "{:>9.1} deg  {}", driver.threshold_rad.to_degrees(), joints.join(", "));
+    }
+    text.push_str("\nsegment      vertices  drivers\n");
+    for (i, segment) in data.segments.iter().enumerate() {
+        let drivers: Vec<&str> = segment.drivers.iter().map(|&d| data.drivers[usize::from(d)].name.as_str()).collect();
+        let drivers = if drivers.is_empty() { "none".to_owned() } else { drivers.join(", ") };
+        line!(text, i, "{:>8}  {drivers}", segment.vertex_count);
+    }
+    text.push_str("\ntarget                        step um  vertices     bytes  segments\n");
+    for target in &data.targets {
+        let segments: Vec<String> = target.segments.iter().map(u16::to_string).collect();
+        let (step_um, count) = (target.step_m * 1e6, target.deltas.len());
+        let bytes = size_of_val(target.deltas.as_slice());
+        let row = format!("{:<28} {step_um:>8.3} {count:>9} {bytes:>9}  {}\n", target.name, segments.join(" "));
+        text.push_str(&row);
+    }
+    text.push_str("\npart         triangles\n");
+    for part in &data.mesh.parts {
+        line!(text, part.name, "{:>9}", part.triangle_count);
+    }
+    let bones: Vec<&str> = data.skeleton.joints().iter().map(|joint| joint.bone.name()).collect();
+    line!(text, "\nbones", "{}: {}", bones.len(), bones.join(", "));
+    text
+}
+
+fn mesh_text(mesh: &obj::Mesh) -> String {
+    let mut text = String::new();
+    let faces = |corners: std::ops::RangeInclusive<u32>| {
+        mesh.faces.iter().filter(|face| corners.contains(&face.corner_count)).count()
+    };
+    let (triangles, quads, larger) = (faces(3..=3), faces(4..=4), faces(5..=u32::MAX));
+    let mut used = vec![false; mesh.positions.len()];
+    mesh.corners.iter().for_each(|corner| used[corner.vertex as usize] = true);
+    let unused = used.iter().filter(|used| !**used).count();
+    line!(text, "vertices", "{}, {unused} of them in no face", mesh.positions.len());
+    line!(text, "faces", "{}: {triangles} triangles, {quads} quads, {larger} larger", mesh.faces.len());
+    let complete = if mesh.is_textured() { "every corner has one" } else { "not every corner has one" };
+    line!(text, "uv", "{} texture coordinates, {complete}", mesh.uv.len());
+    for (part, name) in mesh.parts.iter().enumerate() {
+        let count = mesh.faces.iter().filter(|face| face.part as usize == part).count();
+        line!(text, if part == 0 { "parts" } else { "" }, "{name}: {count} faces");
+    }
+    extent(&mut text, mesh.positions.iter().copied());
+    text
+}
+
+fn body_text(body: &kitsuke_pipeline::ir::Body) -> String {
+    let mut text = String::new();
+    line!(text, "vertices", "{}", body.surface.positions_m.len());
+    line!(text, "triangles", "{}", body.surface.triangles.len());
+    let bones: Vec<&str> = body.skeleton.joints().iter().map(|joint| joint.bone.name()).collect();
+    line!(text, "bones", "{}: {}", bones.len(), bones.join(", "));
+    extent(&mut text, body.surface.positions_m.iter().map(|p| p.as_dvec3()));
+    text
+}
+
+fn table_text(table: &tables::PoseTable) -> String {
+    let mut text = String::new();
+    let bones: Vec<&str> = table.bones.iter().map(|bone| bone.name()).collect();
+    line!(text, "bones", "{}: {}", bones.len(), bones.join(", "));
+    line!(text, "rows", "{}", table.rows.len());
+    for row in &table.rows {
+        line!(text, "", "{:<28} {}", row.name, row.file);
+    }
+    text
+}
+
+/// The box round the positions, and in which unit a garment or body of that size would be.
+fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (least, most) = positions.fold(start, |(least, most), p| (least.min(p), most.max(p)));
+    if !(least.is_finite() && most.is_finite()) {
+        return;
+    }
+    let size = most - least;
+    line!(text, "from", "{:.4} {:.4} {:.4}", least.x, least.y, least.z);
+    line!(text, "to", "{:.4} {:.4} {:.4}", most.x, most.y, most.z);
+    line!(text, "size", "{:.4} x {:.4} x {:.4}", size.x, size.y, size.z);
+    // What people wear is between a child's sleeve and a train: 0.4 m to 4 m.
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
+    let likely = units.iter().find(|(_, metres)| (0.4..4.0).contains(&(size.max_element() * metres)));
+    line!(text, "unit", "{}", likely.map_or("neither mm, cm nor m looks likely", |(name, _)| *name));
+}

@@ -1,0 +1,69 @@
+//! Where packs, sources and outputs lie: what the verbs that show and measure share.
+
+use kitsuke::Pack;
+use kitsuke_pipeline::ir;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folders, as options of a verb.
+#[derive(clap::Args)]
+pub struct Places {
+    /// The folder of built packs
+    #[arg(long, value_name = "DIR", default_value = "catalog")]
+    pub catalog: PathBuf,
+    /// The folder with one folder per kimono
+    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    pub assets: PathBuf,
+}
+
+impl Places {
+    /// Opens the pack of an ID, or the pack at a path.
+    pub fn open(&self, id_or_path: &str) -> Result<Pack, String> {
+        let path = match Path::new(id_or_path) {
+            path if path.is_file() => path.to_owned(),
+            _ => self.catalog.join("packs").join(format!("{id_or_path}.kitsuke")),
+        };
+        let bytes = fs::read(&path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => {
+                format!("there is no pack {}: run cargo xtask build-catalog", path.display())
+            }
+            _ => format!("cannot read {}: {error}", path.display()),
+        })?;
+        Pack::open(&bytes).map_err(|error| format!("{} cannot be opened: {error}", path.display()))
+    }
+
+    /// What a garment was made from; `None`, with a printed line, where that cannot be read.
+    pub fn source(&self, id: &str) -> Option<ir::Garment> {
+        let dir = self.assets.join(id);
+        if !dir.is_dir() {
+            eprintln!("note: {} does not exist, so texture, wearer and target files are left out", dir.display());
+            return None;
+        }
+        let garment = kitsuke_pipeline::source::load(&dir).garment;
+        if garment.is_none() {
+            eprintln!(
+                "note: {} has mistakes (cargo xtask check {id}), so texture, wearer and target files are left out",
+                dir.display()
+            );
+        }
+        garment
+    }
+}
+
+/// Writes a file beside its place and renames it, so that nobody sees half of it.
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>,
+) -> Result<(), String> {
+    let beside = path.with_added_extension(format!("{}.part", std::process::id()));
+    let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| {
+        let mut out = std::io::BufWriter::new(fs::File::create(&beside)?);
+        write(&mut out)?;
+        out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
+        fs::rename(&beside, path)
+    });
+    written.map_err(|error| {
+        let _ = fs::remove_file(&beside);
+        format!("cannot write {}: {error}", path.display())
+    })
+}

@@ -1,0 +1,173 @@
+//! `cargo xtask preview`: contact sheets of kimono on their wearers.
+
+use crate::places::{Places, write_whole};
+use crate::shots;
+use clap::ValueEnum;
+use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
+use kitsuke_pipeline::scene::{Bounds, Colours, Figure, Scene, View};
+use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use std::fs;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Draw a contact sheet per kimono: base and targets from front, side and back, as one PNG
+#[derive(clap::Args)]
+pub struct Args {
+    /// Kimono IDs or pack paths [default: every folder in --assets that holds a garment.toml]
+    #[arg(value_name = "ID")]
+    garments: Vec<String>,
+    /// Where the PNGs go [default: reports/ in --catalog]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Draw frames of a recorded motion, evenly spaced, instead of the targets
+    #[arg(long, value_name = "FILE.bvh")]
+    motion: Option<PathBuf>,
+    /// How many frames of the motion
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=500), requires = "motion")]
+    frames: u16,
+    /// Draw only these poses of the kimono's pose table
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "motion")]
+    only: Vec<String>,
+    /// From where
+    #[arg(long, value_delimiter = ',', default_values = ["front", "side", "back"])]
+    views: Vec<ViewName>,
+    /// What the colours of the cloth say
+    #[arg(long, default_value = "cloth")]
+    colours: ColoursName,
+    /// The distance from the target files that is drawn red, mm
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    red_at: f32,
+    /// Blend the targets by the paper's kernel instead of showing each alone
+    #[arg(long)]
+    blended: bool,
+    /// Height of a picture, pixels
+    #[arg(long, value_name = "PX", default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    height: u32,
+    /// Cells per row
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=100))]
+    columns: u16,
+    #[command(flatten)]
+    places: Places,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ViewName {
+    Front,
+    /// The wearer's left
+    Side,
+    Back,
+    /// Between front and left, a little from above
+    Quarter,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ColoursName {
+    /// As the cloth looks
+    Cloth,
+    /// Region masks, one colour per driver
+    Regions,
+    /// Joints by skin weight
+    Skin,
+    /// Distance from the target files
+    Error,
+}
+
+/// Draws the sheets; 1 when something cannot be read or written.
+pub fn run(args: Args) -> ExitCode {
+    let drawn = ids(&args).and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
+    match drawn {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn ids(args: &Args) -> Result<Vec<String>, String> {
+    if !args.garments.is_empty() {
+        return Ok(args.garments.clone());
+    }
+    let assets = &args.places.assets;
+    let entries = fs::read_dir(assets).map_err(|error| format!("cannot read {}: {error}", assets.display()))?;
+    let folders = entries.flatten().filter(|entry| entry.path().join("garment.toml").is_file());
+    let names = folders.filter_map(|entry| entry.file_name().into_string().ok());
+    // Folders such as `_template` are no garments.
+    let mut ids: Vec<String> = names.filter(|name| !name.starts_with('_')).collect();
+    ids.sort();
+    Ok(ids)
+}
+
+fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
+    let pack = args.places.open(id_or_path)?;
+    let garment = pack.garment();
+    let id = &garment.data().id;
+    let source = args.places.source(id);
+    let scene = Scene::new(garment, source.as_ref());
+    let shots = match &args.motion {
+        Some(motion) => evenly(&shots::motion(motion, garment, false)?, usize::from(args.frames)),
+        None => chosen(own_poses(garment), &args.only)?,
+    };
+    let colours = match args.colours {
+        ColoursName::Cloth => Colours::Cloth,
+        ColoursName::Regions => Colours::Regions,
+        ColoursName::Skin => Colours::Joints,
+        ColoursName::Error => Colours::Error(args.red_at.max(1e-6) / 1e3),
+    };
+    let mut stage = Stage::new(garment);
+    let figures: Vec<Figure> = shots
+        .iter()
+        .map(|shot| {
+            let blend = if args.blended { Blend::Paper } else { shot.blend };
+            scene.figure(&mut stage, &Shot { blend, ..shot.clone() }, colours)
+        })
+        .collect();
+    let bounds = Bounds::of(&figures);
+    let cells: Vec<Cell> = figures
+        .iter()
+        .zip(&shots)
+        .map(|(figure, shot)| {
+            let views = args.views.iter().map(|&view| scene.draw(figure, view.into(), bounds, args.height));
+            Cell { caption: shot.name.clone(), picture: side_by_side(&views.collect::<Vec<_>>()) }
+        })
+        .collect();
+    let png = png_bytes(&contact_sheet(&cells, usize::from(args.columns))).map_err(|error| error.to_string())?;
+    let dir = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports"));
+    let motion = args.motion.as_deref().and_then(|motion| motion.file_stem()).map(|stem| stem.to_string_lossy());
+    let kind = if args.colours == ColoursName::Cloth { None } else { args.colours.to_possible_value() };
+    let name = [Some(id.clone()), motion.map(Into::into), kind.map(|kind| kind.get_name().to_owned())];
+    let path = dir.join(format!("{}.png", name.into_iter().flatten().collect::<Vec<String>>().join("_")));
+    write_whole(&path, |out| out.write_all(&png))?;
+    println!("{}: {} shapes, {} kB", path.display(), cells.len(), png.len() / 1000);
+    Ok(())
+}
+
+/// So many of the shots, first and last among them.
+fn evenly(shots: &[Shot], count: usize) -> Vec<Shot> {
+    let count = count.min(shots.len());
+    (0..count).map(|i| shots[i * (shots.len() - 1) / (count - 1).max(1)].clone()).collect()
+}
+
+fn chosen(shots: Vec<Shot>, names: &[String]) -> Result<Vec<Shot>, String> {
+    if names.is_empty() {
+        return Ok(shots);
+    }
+    let find = |name: &String| {
+        shots.iter().find(|shot| shot.name == *name).cloned().ok_or_else(|| {
+            let known: Vec<&str> = shots.iter().map(|shot| shot.name.as_str()).collect();
+            format!("there is no pose `{name}`; there are {}", known.join(", "))
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+impl From<ViewName> for View {
+    fn from(name: ViewName) -> View {
+        match name {
+            ViewName::Front => View::Front,
+            ViewName::Side => View::Side,
+            ViewName::Back => View::Back,
+            ViewName::Quarter => View::Quarter,
+        }
+    }
+}

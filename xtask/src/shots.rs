@@ -1,0 +1,55 @@
+//! Poses from tables and recordings, as shots to evaluate or draw.
+
+use kitsuke::Garment;
+use kitsuke::skeleton::Pose;
+use kitsuke_pipeline::diagnostic::Diagnostic;
+use kitsuke_pipeline::frames::{Blend, Shot};
+use kitsuke_pipeline::source::tables;
+use std::fs;
+use std::path::Path;
+
+/// Longest table or recording that is read, bytes.
+const FILE_BYTES: u64 = 256 << 20;
+
+/// A row of a pose table.
+pub struct Row {
+    pub shot: Shot,
+    /// The row's `file`, if that exists beside the table.
+    pub file: Option<String>,
+}
+
+/// The rows of a pose table, blended by the paper's kernel. Only rotation columns are needed.
+pub fn pose_table(path: &Path) -> Result<Vec<Row>, String> {
+    let mut report = Vec::new();
+    let table = tables::read_rotations(&path.to_string_lossy(), &read(path)?, &mut report);
+    let table = table.ok_or_else(|| said(&report))?;
+    let row = |(i, (row, pose)): (usize, (&tables::PoseRow, Pose))| {
+        let name = if row.name.is_empty() { format!("row_{i}") } else { row.name.clone() };
+        let exists = !row.file.is_empty() && path.with_file_name("").join(&row.file).is_file();
+        Row { shot: Shot { name, pose, blend: Blend::Paper }, file: exists.then(|| row.file.clone()) }
+    };
+    Ok(table.rows.iter().zip(table.poses()).enumerate().map(row).collect())
+}
+
+/// The frames of a recorded motion on the garment's wearer, blended by the paper's kernel; the hips stay in place
+/// unless `root_motion`.
+pub fn motion(path: &Path, garment: &Garment, root_motion: bool) -> Result<Vec<Shot>, String> {
+    let _ = (path, garment, root_motion);
+    Err("recorded motion cannot be read yet".into())
+}
+
+/// All bytes of a file of reasonable length.
+pub fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let unreadable = |error| format!("cannot read {}: {error}", path.display());
+    let length = fs::metadata(path).map_err(unreadable)?.len();
+    if length > FILE_BYTES {
+        return Err(format!("{} is longer than {} MB", path.display(), FILE_BYTES >> 20));
+    }
+    fs::read(path).map_err(unreadable)
+}
+
+/// Diagnostics as plain lines.
+pub fn said(report: &[Diagnostic]) -> String {
+    let line = |d: &Diagnostic| format!("{}: {} {}", d.file, d.problem, d.help);
+    report.iter().map(line).collect::<Vec<_>>().join("\n")
+}
