@@ -1,4 +1,7 @@
-//! What several suites need: the small sample garment. The tests themselves stand in `suites/` and `alloc/`.
+//! What several suites need: the small sample garment, and packs taken apart. The tests themselves stand in `suites/`
+//! and `alloc/`.
+
+pub mod container;
 
 use glam::{Quat, Vec2, Vec3};
 use kitsuke::Garment;
