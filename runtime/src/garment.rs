@@ -162,13 +162,13 @@ impl Garment {
     /// # Errors
     /// Names the first element that breaks a rule.
     pub fn new(mut data: GarmentData) -> Result<Garment, InvalidGarment> {
-        check_texts(&data)?;
         check_mesh(&data.mesh)?;
         check_skin(&data)?;
         check_drivers(&data)?;
         check_segments(&data)?;
         check_targets(&data)?;
         check_poses(&data)?;
+        check_texts(&data)?;
         for rotation in &mut data.poses.rotations {
             // Only where needed: a second normalisation may change the last bit, and packs must come back as written.
             if (rotation.length_squared() - 1.0).abs() > 1e-6 {
@@ -209,10 +209,13 @@ pub enum InvalidGarment {
     /// The id holds other characters, none, or too many.
     #[error("the id {0:?} must be 1 to {max} characters of a-z, 0-9, _ and -", max = limits::NAME_BYTES)]
     Id(String),
-    /// A name is empty, too long or not printable.
+    /// The garment's name is empty, too long or not printable.
+    #[error("the garment's name must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
+    GarmentName,
+    /// The name of an element is empty, too long or not printable.
     #[error("the name of {what} {index} must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
     Name {
-        /// `garment`, `part`, `driver` or `target`.
+        /// `part`, `driver` or `target`.
         what: &'static str,
         /// Its number.
         index: usize,
@@ -354,30 +357,6 @@ pub enum InvalidGarment {
     },
 }
 
-fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
-    let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
-    if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
-        return Err(InvalidGarment::Id(data.id.clone()));
-    }
-    check_names("garment", [data.name.as_str()])?;
-    check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
-    check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
-    check_names("target", data.targets.iter().map(|target| target.name.as_str()))
-}
-
-fn check_names<'a>(what: &'static str, names: impl IntoIterator<Item = &'a str>) -> Result<(), InvalidGarment> {
-    let mut seen = BTreeSet::new();
-    for (index, name) in names.into_iter().enumerate() {
-        if !(1..=limits::NAME_BYTES).contains(&name.len()) || name.contains(char::is_control) {
-            return Err(InvalidGarment::Name { what, index });
-        }
-        if !seen.insert(name) {
-            return Err(InvalidGarment::DuplicateName { what, name: name.to_owned() });
-        }
-    }
-    Ok(())
-}
-
 fn check_mesh(mesh: &Mesh) -> Result<(), InvalidGarment> {
     let unique = mesh.positions_m.len();
     let vertices = unique + mesh.twin_of.len();
@@ -513,6 +492,36 @@ fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
         return Err(InvalidGarment::PoseRotation { row: i / bones.len(), bone: bones[i % bones.len()] });
     }
     Ok(())
+}
+
+fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
+    if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
+        return Err(InvalidGarment::Id(data.id.clone()));
+    }
+    if !is_name(&data.name) {
+        return Err(InvalidGarment::GarmentName);
+    }
+    check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
+    check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
+    check_names("target", data.targets.iter().map(|target| target.name.as_str()))
+}
+
+fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), InvalidGarment> {
+    let mut seen = BTreeSet::new();
+    for (index, name) in names.enumerate() {
+        if !is_name(name) {
+            return Err(InvalidGarment::Name { what, index });
+        }
+        if !seen.insert(name) {
+            return Err(InvalidGarment::DuplicateName { what, name: name.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+fn is_name(text: &str) -> bool {
+    (1..=limits::NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control)
 }
 
 fn check_count(what: &'static str, count: usize, min: usize, max: usize) -> Result<(), InvalidGarment> {

@@ -1,5 +1,6 @@
 //! All suites, one binary.
 
 mod frame;
+mod garment;
 mod look;
 mod pack;

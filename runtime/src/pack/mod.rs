@@ -231,6 +231,7 @@ pub enum ContentProblem {
 fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<SectionInfo>, OpenError> {
     let mut sections: Vec<SectionInfo> = Vec::with_capacity(entries.len());
     let mut end = layout::header_length(entries.len());
+    let newer = minor > layout::MINOR;
     for entry in entries {
         let &Entry { tag, offset, stored_length, decoded_length, .. } = entry;
         let fail = |problem| Err(OpenError::Section { tag, offset, problem });
@@ -251,7 +252,7 @@ fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<Sec
             return fail(SectionProblem::Twice);
         }
         let known = layout::ALL.contains(&tag);
-        if !known && minor <= layout::MINOR {
+        if !known && !newer {
             return fail(SectionProblem::Unknown);
         }
         let encoding = Encoding::from_number(entry.encoding);
