@@ -1,30 +1,36 @@
 //! `cargo xtask <verb>`: one file per verb.
 
-use clap::Parser;
-use std::process::ExitCode;
-
+mod check;
 mod ci;
 mod evaluate;
 mod inspect;
 mod places;
 mod preview;
+mod schema;
 mod shots;
 
-/// The project's commands
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Kimono packs: check, build, look, measure
 #[derive(clap::Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
+    Check(check::Args),
     Ci(ci::Args),
     Evaluate(evaluate::Args),
     Inspect(inspect::Args),
     Preview(preview::Args),
+    Schema(schema::Args),
 }
 
 fn main() -> ExitCode {
     match Verb::parse() {
+        Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Inspect(args) => inspect::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Schema(args) => schema::run(args),
     }
 }

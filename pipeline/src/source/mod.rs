@@ -100,6 +100,25 @@ pub fn input_files(garment_dir: &Path) -> Result<Vec<InputFile>, Vec<Diagnostic>
     Ok(inputs)
 }
 
+/// The garment folders of an assets folder, sorted: those that hold a manifest and whose name does not begin with `_`.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn garment_ids(assets_dir: &Path) -> std::io::Result<Vec<String>> {
+    let mut ids = Vec::new();
+    for entry in std::fs::read_dir(assets_dir)? {
+        let entry = entry?;
+        if let Ok(name) = entry.file_name().into_string()
+            && !name.starts_with('_')
+            && entry.path().join(manifest::FILE_NAME).is_file()
+        {
+            ids.push(name);
+        }
+    }
+    ids.sort();
+    Ok(ids)
+}
+
 /// The name nearest to `word`, if it is near enough to be what was meant.
 #[must_use]
 pub fn closest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {

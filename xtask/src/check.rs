@@ -1,0 +1,80 @@
+//! `cargo xtask check`: reads garment folders and reports every mistake, in seconds and without building.
+
+use kitsuke_pipeline::diagnostic::{self, Format, Severity};
+use kitsuke_pipeline::source;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Report every mistake in garment folders, without building
+#[derive(clap::Args)]
+pub struct Args {
+    /// Garments to check; all of the assets folder if none is named.
+    ids: Vec<String>,
+    /// The folder that holds the garment folders.
+    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    assets: PathBuf,
+    /// How mistakes are written.
+    #[arg(long, value_enum, default_value_t)]
+    message_format: MessageFormat,
+}
+
+/// How mistakes are written.
+#[derive(Clone, Copy, Default, clap::ValueEnum)]
+pub enum MessageFormat {
+    /// With snippets and help, for people.
+    #[default]
+    Human,
+    /// One JSON object per line.
+    Json,
+    /// Annotations of a GitHub workflow.
+    Github,
+}
+
+impl MessageFormat {
+    /// The renderer's format; colours only on a terminal that wants them.
+    pub fn format(self) -> Format {
+        match self {
+            MessageFormat::Human => {
+                Format::Human { color: std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none() }
+            }
+            MessageFormat::Json => Format::Json,
+            MessageFormat::Github => Format::Github,
+        }
+    }
+}
+
+/// Checks the garments one after the other; fails if any has an error.
+pub fn run(args: Args) -> ExitCode {
+    let ids = match garment_ids(&args.assets, args.ids) {
+        Ok(ids) => ids,
+        Err(message) => {
+            eprintln!("{message}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let mut is_sound = true;
+    for id in ids {
+        let loaded = source::load(&args.assets.join(&id));
+        print!("{}", diagnostic::render(&loaded.diagnostics, &args.assets, args.message_format.format()));
+        let summary = diagnostic::summary(&loaded.diagnostics, &id);
+        match args.message_format {
+            MessageFormat::Human => println!("{summary}"),
+            MessageFormat::Json | MessageFormat::Github => eprintln!("{summary}"),
+        }
+        is_sound &= loaded.diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
+    }
+    if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// The named garments, or all of the folder.
+pub fn garment_ids(assets: &Path, named: Vec<String>) -> Result<Vec<String>, String> {
+    if !named.is_empty() {
+        return Ok(named);
+    }
+    let found = source::garment_ids(assets).map_err(|error| format!("{}: {error}", assets.display()))?;
+    if found.is_empty() {
+        return Err(format!("{}: there is no garment folder (one with a garment.toml)", assets.display()));
+    }
+    Ok(found)
+}
