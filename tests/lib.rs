@@ -1,7 +1,8 @@
-//! What several suites need: the small sample garment, and packs taken apart. The tests themselves stand in `suites/`
+//! What several suites need: the small sample garment, random garments, packs taken apart. The tests themselves stand in `suites/`
 //! and `alloc/`.
 
 pub mod container;
+pub mod random;
 
 use glam::{Quat, Vec2, Vec3};
 use kitsuke::Garment;

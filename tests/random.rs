@@ -1,0 +1,138 @@
+//! Random garments and poses, the same for the same seed.
+
+use glam::{Quat, Vec2, Vec3};
+use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
+
+/// SplitMix64 (Steele, Lea and Flood 2014): one seed is one garment.
+pub struct Numbers(pub u64);
+
+impl Numbers {
+    /// Any number.
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In `0..end`.
+    pub fn below(&mut self, end: usize) -> usize {
+        (self.next() % end as u64) as usize
+    }
+
+    /// In -1..1.
+    pub fn signed(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    /// Coordinates in -1..1.
+    pub fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// Any rotation.
+    pub fn rotation(&mut self) -> Quat {
+        let q = Quat::from_xyzw(self.signed(), self.signed(), self.signed(), self.signed());
+        if q.length() > 0.1 { q.normalize() } else { Quat::IDENTITY }
+    }
+
+    /// Any pose, its hips within a metre of rest.
+    pub fn pose(&mut self) -> Pose {
+        let mut pose = Pose { hips_translation_m: self.vector(), ..Pose::REST };
+        pose.rotations.iter_mut().for_each(|rotation| *rotation = self.rotation());
+        pose
+    }
+}
+
+const BONES: [(Bone, Option<u8>); 7] = [
+    (Bone::Hips, None),
+    (Bone::Spine, Some(0)),
+    (Bone::LeftUpperArm, Some(1)),
+    (Bone::LeftLowerArm, Some(2)),
+    (Bone::RightUpperArm, Some(1)),
+    (Bone::RightLowerArm, Some(4)),
+    (Bone::LeftUpperLeg, Some(0)),
+];
+
+/// A garment without sense but within the rules: any sharing of segments, masks, targets, parts, twins and weights.
+#[must_use]
+pub fn garment(seed: u64) -> Garment {
+    let n = &mut Numbers(seed);
+    let joints = BONES.map(|(bone, parent)| Joint { bone, parent, rest_m: n.vector() });
+    let drivers: Vec<Driver> = (0..n.below(4))
+        .map(|i| Driver {
+            name: format!("driver{i}"),
+            joints: BONES[i..=i + n.below(3)].iter().map(|&(bone, _)| bone).collect(),
+            threshold_rad: 0.5 + 2.0 * (n.signed() + 1.0) / 2.0,
+        })
+        .collect();
+    let segments: Vec<Segment> = (0..1 + n.below(6))
+        .map(|_| {
+            let vertex_count = if n.below(4) == 0 { 500 + n.below(700) } else { 1 + n.below(40) };
+            let covering: Vec<u8> = (0..drivers.len() as u8).filter(|_| n.below(2) == 0).collect();
+            let whole = covering.len() == 1 && n.below(2) == 0;
+            let rows = if whole { 0 } else { vertex_count };
+            let masks = (0..rows)
+                .flat_map(|_| covering.iter().map(|_| (n.below(65536) / covering.len()) as u16).collect::<Vec<_>>())
+                .collect();
+            Segment { vertex_count: vertex_count as u32, drivers: covering, masks }
+        })
+        .collect();
+    let targets: Vec<Target> = (0..n.below(7))
+        .map(|i| {
+            let moved: Vec<u16> = (0..segments.len() as u16).filter(|_| n.below(3) > 0).collect();
+            let count = moved.iter().map(|&s| segments[usize::from(s)].vertex_count as usize).sum();
+            let deltas = (0..count).map(|_| [0; 3].map(|_: i16| n.next() as i16)).collect();
+            Target { name: format!("target{i}"), step_m: 1e-6 + 1e-5 * n.signed().abs(), segments: moved, deltas }
+        })
+        .collect();
+    let unique = segments.iter().map(|segment| segment.vertex_count as usize).sum::<usize>();
+    let twins = n.below(20);
+    let triangles: Vec<[u32; 3]> =
+        (0..1 + n.below(3 * unique)).map(|_| [0; 3].map(|_: u32| n.below(unique + twins) as u32)).collect();
+    let in_first_part = n.below(triangles.len() + 1);
+    let parts = [("first", in_first_part), ("片方", triangles.len() - in_first_part)];
+    let mut source_vertex: Vec<u32> = (0..unique as u32).collect();
+    (0..unique).for_each(|vertex| source_vertex.swap(vertex, n.below(unique)));
+    let uv = (0..n.below(2) * (unique + twins)).map(|_| Vec2::new(n.signed(), 1e-30 * n.signed())).collect();
+    let bones: Vec<Bone> = BONES.iter().map(|&(bone, _)| bone).collect();
+    Garment::new(GarmentData {
+        id: "random".to_owned(),
+        name: "適当".to_owned(),
+        skeleton: Skeleton::new(joints.to_vec()).expect("joints in order"),
+        mesh: Mesh {
+            positions_m: (0..unique).map(|_| n.vector()).collect(),
+            uv,
+            twin_of: (0..twins).map(|_| n.below(unique) as u32).collect(),
+            triangles,
+            parts: parts.map(|(name, count)| Part { name: name.to_owned(), triangle_count: count as u32 }).to_vec(),
+            source_vertex,
+        },
+        skin: (0..unique)
+            .map(|_| {
+                let joints = [0; 4].map(|_: u8| n.below(BONES.len()) as u8);
+                let first = n.below(65536) as u16;
+                let second = n.below(65536 - usize::from(first)) as u16;
+                let weights = match n.below(3) {
+                    0 => [65535, 0, 0, 0],
+                    1 => [first, 65535 - first, 0, 0],
+                    _ => [first, 0, second, 65535 - first - second],
+                };
+                SkinWeights { joints, weights }
+            })
+            .collect(),
+        poses: PoseTable {
+            rotations: (0..(targets.len() + 1) * bones.len())
+                .map(|i| if i < bones.len() { Quat::IDENTITY } else { Quat::IDENTITY.slerp(n.rotation(), 0.4) })
+                .map(|rotation| rotation * 1.0005)
+                .collect(),
+            bones,
+        },
+        drivers,
+        segments,
+        targets,
+    })
+    .expect("random garments keep the rules")
+}
