@@ -3,4 +3,5 @@
 mod frame;
 mod garment;
 mod look;
+mod motion;
 mod pack;
