@@ -1,10 +1,193 @@
-//! Builds kimono packs: Source → Ir → Pack. `build` is the table of contents; one file per stage.
+//! Builds kimono packs: Source → Ir → Pack. [`build_garment`] is the table of contents; one file per stage.
+//!
+//! A stage is a plain function from what it needs to what it makes: no files, no globals, no prints. Only `source`
+//! knows the artist's file formats, only `catalog` writes packs.
 
+pub mod catalog;
 pub mod check;
+pub mod compress;
+pub mod deltas;
 pub mod diagnostic;
 pub mod frames;
 pub mod ir;
+mod laplacian;
+pub mod memo;
 pub mod raster;
+pub mod regions;
 pub mod scene;
 pub mod sheet;
+pub mod skin;
 pub mod source;
+pub mod verify;
+mod weights;
+
+use glam::Vec3;
+use kitsuke::garment::{Garment, SkinWeights};
+use memo::{Key, Memo, Origin};
+use rayon::prelude::*;
+
+/// Why a garment could not be built although its source passed every check.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{stage}: {problem}")]
+pub struct StageError {
+    /// The stage that gave up.
+    pub stage: &'static str,
+    /// What is wrong, naming the element (target, vertex).
+    pub problem: String,
+}
+
+impl StageError {
+    /// An error of a stage.
+    #[must_use]
+    pub fn new(stage: &'static str, problem: impl Into<String>) -> StageError {
+        StageError { stage, problem: problem.into() }
+    }
+}
+
+/// One stage of one build, as progress is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StageRun {
+    /// For example `deltas`.
+    pub stage: &'static str,
+    /// The target, where the stage makes one at a time.
+    pub target: Option<String>,
+    /// Whether it ran or an earlier result served.
+    pub origin: Origin,
+}
+
+/// A built garment, with what the stages made on the way.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The pack's bytes.
+    pub pack: Vec<u8>,
+    /// The garment in it.
+    pub garment: Garment,
+    /// How far each target lies from its file.
+    pub quality: Vec<verify::TargetQuality>,
+    /// What painted masks cut off.
+    pub remainders: Vec<regions::Remainder>,
+    /// Skin weights per base vertex.
+    pub skin: Vec<SkinWeights>,
+    /// Region masks in 1/65535: per base vertex one row of as many as there are drivers.
+    pub masks: Vec<u16>,
+    /// Per target and base vertex, metres.
+    pub deltas: Vec<Vec<Vec3>>,
+}
+
+/// Builds one garment. Each finished stage is told to `progress`, from any thread.
+///
+/// # Errors
+/// When a stage gives up; the error names stage and element.
+pub fn build_garment(
+    source: &ir::Garment,
+    memo: &Memo,
+    progress: &(dyn Fn(StageRun) + Sync),
+) -> Result<Built, StageError> {
+    let ir::Garment { base, body, pose_bones, drivers, targets, .. } = source;
+    let tell = |stage, target: Option<&ir::TargetShape>, origin| {
+        progress(StageRun { stage, target: target.map(|target| target.name.clone()), origin });
+    };
+
+    // The cloth follows the body under it.
+    let settings = skin::Settings::default();
+    let obi_bottom_m = source.obi.as_ref().map(|obi| obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)));
+    let (words, origin) = memo.recall(&keys::skin(base, body, obi_bottom_m, &settings), || {
+        skin::skin(base, body, obi_bottom_m, &settings).map(|skin| skin.into_iter().map(to_words).collect())
+    })?;
+    let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
+    tell("skin", None, origin);
+
+    // What the artist's shapes have beyond that.
+    let deltas = targets.par_iter().map(|target| {
+        let (deltas, origin) = memo.recall(&keys::deltas(base, &body.skeleton, &skin, pose_bones, target), || {
+            deltas::deltas(&base.positions_m, &skin, &body.skeleton, pose_bones, target)
+        })?;
+        tell("deltas", Some(target), origin);
+        Ok(deltas)
+    });
+    let deltas: Vec<Vec<Vec3>> = deltas.collect::<Result<_, StageError>>()?;
+
+    // Which driver owns how much of it, where.
+    let settings = regions::Settings::default();
+    let (masks, origin) = memo.recall(&keys::regions(source, &deltas, &settings), || {
+        regions::regions(base, &source.regions, drivers, pose_bones, targets, &deltas, &settings)
+    })?;
+    let remainders = regions::remainders(&masks, drivers, pose_bones, targets, &deltas);
+    tell("regions", None, origin);
+
+    // The pack: small numbers in segments, checked, written, opened again and compared with the files.
+    let data = compress::compress(source, &skin, &masks, &deltas)?;
+    let garment = Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()))?;
+    tell("compress", None, Origin::Computed);
+    let pack = kitsuke::pack::write::write(&garment);
+    tell("write", None, Origin::Computed);
+    let quality = verify::verify(source, &masks, &deltas, &pack)?;
+    tell("verify", None, Origin::Computed);
+    Ok(Built { pack, garment, quality, remainders, skin, masks, deltas })
+}
+
+/// Skin weights as the memo keeps them: four joints, four weights.
+fn to_words(skin: SkinWeights) -> [u16; 8] {
+    let ([a, b, c, d], [e, f, g, h]) = (skin.joints.map(u16::from), skin.weights);
+    [a, b, c, d, e, f, g, h]
+}
+
+fn from_words([a, b, c, d, e, f, g, h]: [u16; 8]) -> SkinWeights {
+    SkinWeights { joints: [a, b, c, d].map(|joint| joint as u8), weights: [e, f, g, h] }
+}
+
+/// What each remembered stage is made from. An input that is missing here would make a stale pack.
+mod keys {
+    use super::{Key, SkinWeights, deltas, ir, regions, skin, to_words};
+    use glam::Vec3;
+    use kitsuke::skeleton::{Bone, Skeleton};
+
+    pub fn skin(base: &ir::Surface, body: &ir::Body, obi_bottom_m: Option<f32>, settings: &skin::Settings) -> Key {
+        let joints: Vec<u8> = body.skin.iter().flatten().map(|(joint, _)| *joint).collect();
+        let weights: Vec<f32> = body.skin.iter().flatten().map(|(_, weight)| *weight).collect();
+        let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {obi_bottom_m:?}"));
+        let key = skeleton(key, &body.skeleton).array(&joints).array(&weights);
+        surface(surface(key, base), &body.surface)
+    }
+
+    pub fn deltas(
+        base: &ir::Surface,
+        body: &Skeleton,
+        skin: &[SkinWeights],
+        pose_bones: &[Bone],
+        target: &ir::TargetShape,
+    ) -> Key {
+        let words: Vec<[u16; 8]> = skin.iter().copied().map(to_words).collect();
+        let key = skeleton(Key::new("deltas", deltas::VERSION), body).array(&base.positions_m).array(&words);
+        bones(key, pose_bones).array(&target.rotations).array(&target.positions_m)
+    }
+
+    pub fn regions(source: &ir::Garment, deltas: &[Vec<Vec3>], settings: &regions::Settings) -> Key {
+        let key = Key::new("regions", regions::VERSION).text(&format!("{settings:?}"));
+        let mut key = bones(surface(key, &source.base), &source.pose_bones);
+        for driver in &source.drivers {
+            key = bones(key.text("driver"), &driver.joints);
+        }
+        for (target, deltas) in source.targets.iter().zip(deltas) {
+            key = key.array(&target.rotations).array(deltas);
+        }
+        match &source.regions {
+            ir::Regions::Auto => key.text("auto"),
+            ir::Regions::Painted(masks) => masks.iter().fold(key.text("painted"), |key, mask| key.array(mask)),
+        }
+    }
+
+    fn surface(key: Key, surface: &ir::Surface) -> Key {
+        key.array(&surface.positions_m).array(&surface.triangles)
+    }
+
+    fn skeleton(key: Key, skeleton: &Skeleton) -> Key {
+        skeleton.joints().iter().fold(key.text("skeleton"), |key, joint| {
+            key.array(&[joint.bone as u8, joint.parent.map_or(u8::MAX, |parent| parent)]).array(&[joint.rest_m])
+        })
+    }
+
+    fn bones(key: Key, bones: &[Bone]) -> Key {
+        key.array(&bones.iter().map(|&bone| bone as u8).collect::<Vec<_>>())
+    }
+}

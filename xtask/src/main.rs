@@ -1,5 +1,6 @@
 //! `cargo xtask <verb>`: one file per verb.
 
+mod build_catalog;
 mod check;
 mod ci;
 mod evaluate;
@@ -16,6 +17,7 @@ use std::process::ExitCode;
 #[derive(clap::Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
+    BuildCatalog(build_catalog::Args),
     Check(check::Args),
     Ci(ci::Args),
     Evaluate(evaluate::Args),
@@ -26,6 +28,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     match Verb::parse() {
+        Verb::BuildCatalog(args) => build_catalog::run(args),
         Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),
         Verb::Evaluate(args) => evaluate::run(args),

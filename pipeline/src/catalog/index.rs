@@ -1,0 +1,237 @@
+//! `catalog/index.toml`: what each pack holds and how far it lies from the artist's files, as text that stays the same
+//! when nothing changed.
+
+use super::CatalogError;
+use crate::Built;
+use crate::verify::Distance;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+/// What the index says of one pack. Lengths are millimetres rounded to a micrometre.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// blake3 of the pack, hexadecimal.
+    pub blake3: String,
+    /// Length of the pack.
+    pub bytes: u64,
+    /// How much of that the targets take.
+    pub target_bytes: u64,
+    /// Vertices, seam twins included.
+    pub vertices: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Drivers.
+    pub drivers: u64,
+    /// Largest error of any target.
+    pub max_mm: f64,
+    /// Mean error over all targets.
+    pub mean_mm: f64,
+    /// Errors target by target.
+    pub targets: Vec<TargetEntry>,
+}
+
+/// What the index says of one target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetEntry {
+    /// The target's name.
+    pub name: String,
+    /// Largest distance from its file when it is blended alone.
+    pub max_mm: f64,
+    /// Mean of those distances.
+    pub mean_mm: f64,
+    /// Largest distance from its file in its pose with the paper's kernel.
+    pub paper_max_mm: f64,
+    /// Mean of those distances.
+    pub paper_mean_mm: f64,
+}
+
+/// The whole index by garment.
+pub type Index = BTreeMap<String, Entry>;
+
+impl Entry {
+    /// The entry of a garment just built, of whose pack the targets take `target_bytes`.
+    #[must_use]
+    pub fn new(built: &Built, target_bytes: u64) -> Entry {
+        let targets: Vec<TargetEntry> = built
+            .quality
+            .iter()
+            .map(|quality| {
+                let Distance { max_m, mean_m, .. } = quality.alone;
+                let (max_mm, mean_mm) = (rounded_mm(max_m), rounded_mm(mean_m));
+                let Distance { max_m, mean_m, .. } = quality.paper;
+                let (paper_max_mm, paper_mean_mm) = (rounded_mm(max_m), rounded_mm(mean_m));
+                TargetEntry { name: quality.name.clone(), max_mm, mean_mm, paper_max_mm, paper_mean_mm }
+            })
+            .collect();
+        let means_m = built.quality.iter().map(|quality| quality.alone.mean_m);
+        Entry {
+            blake3: blake3::hash(&built.pack).to_hex().to_string(),
+            bytes: built.pack.len() as u64,
+            target_bytes,
+            vertices: built.garment.vertex_count() as u64,
+            triangles: built.garment.triangle_count() as u64,
+            drivers: built.garment.data().drivers.len() as u64,
+            max_mm: targets.iter().map(|target| target.max_mm).fold(0.0, f64::max),
+            mean_mm: rounded_mm(means_m.sum::<f32>() / targets.len().max(1) as f32),
+            targets,
+        }
+    }
+
+    /// The entry as it stands in the file.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let Entry { blake3, bytes, target_bytes, vertices, triangles, drivers, max_mm, mean_mm, targets } = self;
+        let mut text = format!(
+            "blake3 = \"{blake3}\"\nbytes = {bytes}\ntarget_bytes = {target_bytes}\nvertices = {vertices}\n\
+             triangles = {triangles}\ndrivers = {drivers}\nmax_mm = {max_mm:.3}\nmean_mm = {mean_mm:.3}\ntargets = [\n"
+        );
+        for target in targets {
+            let TargetEntry { name, max_mm, mean_mm, paper_max_mm, paper_mean_mm } = target;
+            let name = toml::Value::from(name.as_str());
+            let _ = writeln!(
+                text,
+                "    {{ name = {name}, max_mm = {max_mm:.3}, mean_mm = {mean_mm:.3}, \
+                 paper_max_mm = {paper_max_mm:.3}, paper_mean_mm = {paper_mean_mm:.3} }},"
+            );
+        }
+        text + "]\n"
+    }
+
+    fn from_table(table: &toml::Table) -> Option<Entry> {
+        let whole = |key: &str| table.get(key)?.as_integer().and_then(|number| u64::try_from(number).ok());
+        let target = |value: &toml::Value| {
+            let table = value.as_table()?;
+            Some(TargetEntry {
+                name: table.get("name")?.as_str()?.to_owned(),
+                max_mm: table.get("max_mm")?.as_float()?,
+                mean_mm: table.get("mean_mm")?.as_float()?,
+                paper_max_mm: table.get("paper_max_mm")?.as_float()?,
+                paper_mean_mm: table.get("paper_mean_mm")?.as_float()?,
+            })
+        };
+        Some(Entry {
+            blake3: table.get("blake3")?.as_str()?.to_owned(),
+            bytes: whole("bytes")?,
+            target_bytes: whole("target_bytes")?,
+            vertices: whole("vertices")?,
+            triangles: whole("triangles")?,
+            drivers: whole("drivers")?,
+            max_mm: table.get("max_mm")?.as_float()?,
+            mean_mm: table.get("mean_mm")?.as_float()?,
+            targets: table.get("targets")?.as_array()?.iter().map(target).collect::<Option<_>>()?,
+        })
+    }
+}
+
+/// Metres as millimetres with three decimals.
+fn rounded_mm(length_m: f32) -> f64 {
+    (f64::from(length_m) * 1e6).round() / 1e3
+}
+
+/// The index as text, sorted by garment.
+#[must_use]
+pub fn to_text(index: &Index) -> String {
+    let head = "# Written by `cargo xtask build-catalog`. max and mean: distance of each target from its file, blended\n\
+                # alone; paper_max and paper_mean: the same in its pose with the paper's blend rates.\n";
+    let entries = index.iter().map(|(id, entry)| format!("\n[{id}]\n{}", entry.to_text()));
+    head.to_owned() + &entries.collect::<String>()
+}
+
+/// Reads the index; a missing file is an empty index.
+///
+/// # Errors
+/// When the file cannot be read, or is no index (for example after a merge with conflicts).
+pub fn read(path: &Path) -> Result<Index, CatalogError> {
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Index::new()),
+        Err(error) => return Err(CatalogError::io(path, &error)),
+    };
+    let broken = |problem: String| CatalogError::Index { path: path.to_owned(), problem };
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| broken(error.message().to_owned()))?;
+    let entry = |(id, value): (String, toml::Value)| {
+        let entry = value.as_table().and_then(Entry::from_table);
+        entry.map(|entry| (id.clone(), entry)).ok_or_else(|| broken(format!("the entry of {id} is incomplete")))
+    };
+    table.into_iter().map(entry).collect()
+}
+
+/// What differs between two indices, one line each, for people.
+#[must_use]
+pub fn differences(old: &Index, new: &Index) -> Vec<String> {
+    let ids: std::collections::BTreeSet<&String> = old.keys().chain(new.keys()).collect();
+    let mut lines = Vec::new();
+    for id in ids {
+        match (old.get(id), new.get(id)) {
+            (None, Some(_)) => lines.push(format!("{id}: is not in the index")),
+            (Some(_), None) => lines.push(format!("{id}: is in the index, but its garment is gone")),
+            (Some(old), Some(new)) if old != new => {
+                let (old, new) = (old.to_text(), new.to_text());
+                for (old, new) in old.lines().zip(new.lines()).filter(|(old, new)| old != new).take(3) {
+                    lines.push(format!("{id}: `{}` becomes `{}`", old.trim(), new.trim()));
+                }
+            }
+            _ => {}
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry() -> Entry {
+        let target = |name: &str| TargetEntry {
+            name: name.into(),
+            max_mm: 0.05,
+            mean_mm: 0.0,
+            paper_max_mm: 12.125,
+            paper_mean_mm: 1.5,
+        };
+        Entry {
+            blake3: "00ff".into(),
+            bytes: 10,
+            target_bytes: 7,
+            vertices: 3,
+            triangles: 1,
+            drivers: 2,
+            max_mm: 0.05,
+            mean_mm: 0.021,
+            targets: vec![target("a_pose"), target("odd \"name\" \\ 袖")],
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("index.toml");
+        assert_eq!(read(&path).unwrap(), Index::new(), "no file, no packs");
+        let index = Index::from([("komon".to_owned(), entry()), ("asagi-2".to_owned(), entry())]);
+        std::fs::write(&path, to_text(&index)).unwrap();
+        assert_eq!(read(&path).unwrap(), index);
+        assert_eq!(differences(&index, &index), [""; 0]);
+    }
+
+    #[test]
+    fn a_broken_index_is_an_error_that_names_the_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("index.toml");
+        for (text, wanted) in [("<<<<<<< HEAD\n", "index.toml"), ("[komon]\nbytes = 1\n", "komon is incomplete")] {
+            std::fs::write(&path, text).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+    }
+
+    #[test]
+    fn differences_name_garment_and_line() {
+        let old = Index::from([("komon".to_owned(), entry())]);
+        let mut new = old.clone();
+        new.get_mut("komon").unwrap().blake3 = "11".into();
+        assert_eq!(differences(&old, &new), ["komon: `blake3 = \"00ff\"` becomes `blake3 = \"11\"`"]);
+        assert_eq!(differences(&old, &Index::new()), ["komon: is in the index, but its garment is gone"]);
+        assert_eq!(differences(&Index::new(), &old), ["komon: is not in the index"]);
+    }
+}

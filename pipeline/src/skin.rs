@@ -1,0 +1,225 @@
+//! Skin weights of the kimono from those of the body under it. Knows nothing of targets and packs.
+//!
+//! The body lends its weights where the cloth lies on it; where it hangs free (the bag of a sleeve, the hem) they are
+//! filled in over the mesh (Abdrashitov, Raichstat, Monsen, Hill: Robust Skin Weights Transfer via Weight Inpainting,
+//! 2023). A kimono is worn as a tube: below the obi the cloth follows both thighs alike and never one leg.
+
+use crate::StageError;
+use crate::ir::{Body, Surface};
+use crate::laplacian::{Neighbours, diffuse};
+use crate::weights::shares;
+use glam::Vec3;
+use kitsuke::garment::SkinWeights;
+use kitsuke::skeleton::{Bone, Skeleton};
+use parry3d::query::PointQueryWithLocation;
+use parry3d::shape::TriMesh;
+use rayon::prelude::*;
+
+/// Counts up whenever the same input gives other weights.
+pub const VERSION: u32 = 1;
+
+/// Where the body's weights are believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Cloth farther than this from the body does not take its weights, metres.
+    pub near_m: f32,
+    /// Cloth whose normal differs more than this from the body's does not either, radians.
+    pub aligned_rad: f32,
+    /// Rounds of smoothing at the end.
+    pub smoothing_rounds: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { near_m: 0.05, aligned_rad: 50f32.to_radians(), smoothing_rounds: 8 }
+    }
+}
+
+/// Joints that move cloth. Every other joint's weight goes to the nearest of these above it: hands to the lower arm
+/// (a sleeve is an open bag), head and neck to the chest (a collar lies on the shoulders), legs to the hips.
+const CLOTH_BONES: [Bone; 10] = [
+    Bone::Hips,
+    Bone::Spine,
+    Bone::Chest,
+    Bone::UpperChest,
+    Bone::LeftShoulder,
+    Bone::LeftUpperArm,
+    Bone::LeftLowerArm,
+    Bone::RightShoulder,
+    Bone::RightUpperArm,
+    Bone::RightLowerArm,
+];
+
+/// Weights for every vertex of the base, at most four joints of the body's skeleton each, both thighs always alike.
+/// `obi_bottom_m` is the height where the skirt begins; without it that is the height of the hips.
+///
+/// # Errors
+/// When the body has no surface.
+pub fn skin(
+    base: &Surface,
+    body: &Body,
+    obi_bottom_m: Option<f32>,
+    settings: &Settings,
+) -> Result<Vec<SkinWeights>, StageError> {
+    let lent = lend(base, body, settings)?;
+    let neighbours = Neighbours::new(&base.positions_m, &base.triangles);
+    let columns: Vec<Vec<f64>> = lent
+        .weights_by_joint
+        .par_iter()
+        .map(|weights| {
+            if weights.iter().all(|&w| w == 0.0) {
+                return Ok(weights.clone());
+            }
+            let anchors: Vec<f64> = lent.believed.iter().map(|&b| if b { f64::INFINITY } else { 0.0 }).collect();
+            let filled = diffuse(&neighbours, &anchors, weights)?;
+            Ok((0..settings.smoothing_rounds).fold(filled, |weights, _| neighbours.smoothed(&weights)))
+        })
+        .collect::<Result<_, StageError>>()?;
+    let skirt = Skirt::new(&body.skeleton, obi_bottom_m);
+    Ok((0..base.positions_m.len())
+        .map(|v| {
+            let row: Vec<f64> = columns.iter().map(|column| column[v].max(0.0)).collect();
+            quantise(&row, &skirt, base.positions_m[v].y)
+        })
+        .collect())
+}
+
+/// What the body lends to the cloth.
+struct Lent {
+    /// Per joint of the skeleton, one weight per vertex of the base.
+    weights_by_joint: Vec<Vec<f64>>,
+    /// Whether the cloth lies on the body there.
+    believed: Vec<bool>,
+}
+
+/// The weights of the closest point of the body, carried to joints that move cloth.
+fn lend(base: &Surface, body: &Body, settings: &Settings) -> Result<Lent, StageError> {
+    let skin = &body.surface;
+    let points = skin.positions_m.iter().map(|p| p.to_array().into()).collect();
+    let mesh = TriMesh::new(points, skin.triangles.clone())
+        .map_err(|error| StageError::new("skin", format!("the body's surface is no triangle mesh: {error}")))?;
+    let body_normals = vertex_normals(skin);
+    let cloth_normals = vertex_normals(base);
+    let carried_to = cloth_joints(&body.skeleton);
+    let aligned = libm::cosf(settings.aligned_rad);
+    let rows: Vec<(Vec<f64>, bool)> = (0..base.positions_m.len())
+        .into_par_iter()
+        .map(|v| {
+            let position_m = base.positions_m[v];
+            let (_, (triangle, place)) = mesh.project_local_point_and_get_location(position_m.to_array().into(), false);
+            // A flat triangle has no barycentric coordinates; its first corner stands for it.
+            let corners = place.barycentric_coordinates().unwrap_or([1.0, 0.0, 0.0]);
+            let mut row = vec![0.0; carried_to.len()];
+            let (mut nearest_m, mut normal) = (Vec3::ZERO, Vec3::ZERO);
+            for (&corner, share) in skin.triangles[triangle as usize].iter().zip(corners) {
+                nearest_m += share * skin.positions_m[corner as usize];
+                normal += share * body_normals[corner as usize];
+                for (joint, weight) in body.skin[corner as usize] {
+                    row[carried_to[usize::from(joint)]] += f64::from(share) * f64::from(weight);
+                }
+            }
+            let believed = nearest_m.distance(position_m) <= settings.near_m
+                && normal.normalize_or_zero().dot(cloth_normals[v]) >= aligned;
+            (row, believed)
+        })
+        .collect();
+    let weights_by_joint = (0..carried_to.len()).map(|j| rows.iter().map(|(row, _)| row[j]).collect()).collect();
+    Ok(Lent { weights_by_joint, believed: rows.iter().map(|(_, believed)| *believed).collect() })
+}
+
+/// For each joint the nearest one at or above it that moves cloth; the root where there is none.
+fn cloth_joints(skeleton: &Skeleton) -> Vec<usize> {
+    let joints = skeleton.joints();
+    let mut carried_to = Vec::with_capacity(joints.len());
+    for (i, joint) in joints.iter().enumerate() {
+        carried_to.push(match joint.parent {
+            Some(parent) if !CLOTH_BONES.contains(&joint.bone) => carried_to[usize::from(parent)],
+            _ => i,
+        });
+    }
+    carried_to
+}
+
+/// Unit normals of the vertices, weighted by area; zero where no triangle is.
+fn vertex_normals(surface: &Surface) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; surface.positions_m.len()];
+    for triangle in &surface.triangles {
+        let [a, b, c] = triangle.map(|v| surface.positions_m[v as usize]);
+        for v in triangle {
+            normals[*v as usize] += (b - a).cross(c - a);
+        }
+    }
+    normals.into_iter().map(Vec3::normalize_or_zero).collect()
+}
+
+/// Where the hips hand over to the thighs.
+struct Skirt {
+    hips: usize,
+    /// Joints of both upper legs; none when the skeleton has not both.
+    thighs: Option<[u8; 2]>,
+    top_m: f32,
+    knee_m: f32,
+}
+
+impl Skirt {
+    fn new(skeleton: &Skeleton, obi_bottom_m: Option<f32>) -> Skirt {
+        let joint = |bone| skeleton.index_of(bone);
+        let height_m = |bone| joint(bone).map(|i| skeleton.joints()[i].rest_m.y);
+        let hips = joint(Bone::Hips).unwrap_or(0);
+        let hips_m = skeleton.joints()[hips].rest_m.y;
+        let thighs = joint(Bone::LeftUpperLeg).zip(joint(Bone::RightUpperLeg)).map(|(l, r)| [l as u8, r as u8]);
+        let top_m = obi_bottom_m.unwrap_or(hips_m);
+        let knee_m = height_m(Bone::LeftLowerLeg).unwrap_or(0.5 * hips_m).min(top_m - 0.05);
+        Skirt { hips, thighs, top_m, knee_m }
+    }
+
+    /// How much of the hips' weight the thighs take at a height: 0 at the obi, 1 at the knee, smooth.
+    fn thigh_share(&self, height_m: f32) -> f64 {
+        let t = f64::from(((self.top_m - height_m) / (self.top_m - self.knee_m)).clamp(0.0, 1.0));
+        if self.thighs.is_some() { t * t * (3.0 - 2.0 * t) } else { 0.0 }
+    }
+}
+
+/// The four largest weights as shares; both thighs count as two and stay equal.
+fn quantise(row: &[f64], skirt: &Skirt, height_m: f32) -> SkinWeights {
+    let thigh_share = skirt.thigh_share(height_m);
+    let mut wanted: Vec<(Option<u8>, f64)> = row.iter().enumerate().map(|(j, &w)| (Some(j as u8), w)).collect();
+    wanted[skirt.hips].1 *= 1.0 - thigh_share;
+    wanted.push((None, row[skirt.hips] * thigh_share));
+    // Less than half a unit would be stored as nothing.
+    wanted.retain(|(_, weight)| *weight > 0.5 / 65535.0);
+    wanted.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut free = 4;
+    wanted.retain(|(joint, _)| {
+        let places = if joint.is_some() { 1 } else { 2 };
+        let fits = places <= free;
+        free -= if fits { places } else { 0 };
+        fits
+    });
+    let weights = shares(&wanted.iter().map(|(_, weight)| *weight).collect::<Vec<_>>());
+    let mut stored: Vec<(u8, u16)> = Vec::new();
+    for ((joint, _), weight) in wanted.into_iter().zip(weights) {
+        match (joint, skirt.thighs) {
+            (Some(joint), _) => stored.push((joint, weight)),
+            (None, Some(thighs)) => stored.extend(thighs.map(|thigh| (thigh, weight / 2))),
+            (None, None) => unreachable!("without thighs they have no share"),
+        }
+    }
+    give_rest_to_trunk(&mut stored, skirt);
+    let mut skin = SkinWeights::default();
+    for (place, (joint, weight)) in stored.into_iter().enumerate() {
+        skin.joints[place] = joint;
+        skin.weights[place] = weight;
+    }
+    skin
+}
+
+/// An odd share does not halve: the unit left over goes to the first joint that is no thigh, else to the hips.
+fn give_rest_to_trunk(stored: &mut Vec<(u8, u16)>, skirt: &Skirt) {
+    let rest = u16::MAX - stored.iter().map(|(_, weight)| weight).sum::<u16>();
+    let is_thigh = |joint: u8| skirt.thighs.is_some_and(|thighs| thighs.contains(&joint));
+    match stored.iter_mut().find(|(joint, _)| !is_thigh(*joint)) {
+        Some((_, weight)) => *weight += rest,
+        None => stored.push((skirt.hips as u8, rest)),
+    }
+}
