@@ -165,7 +165,8 @@ impl Distance {
         for (vertex, (a, b)) in a_m.iter().zip(b_m).enumerate() {
             let d = a.distance(*b);
             sum += f64::from(d);
-            if d > distance.max_m {
+            // What is no number counts as the largest.
+            if d > distance.max_m || d.is_nan() {
                 distance = Distance { max_m: d, vertex, ..distance };
             }
         }

@@ -2,8 +2,15 @@
 
 use glam::{Vec2, Vec3};
 use image::{Rgb, RgbImage};
+use kitsuke::garment::GarmentData;
+use kitsuke::skeleton::{Bone, Pose};
+use kitsuke::{Frame, Garment, Rates, Scratch, evaluate, evaluate_with_rates};
+use kitsuke_pipeline::frames::{
+    Blend, Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj,
+};
 use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_tests::{small_garment, small_garment_data};
 use proptest::prelude::*;
 
 const BACKGROUND: [u8; 3] = [10, 20, 30];
@@ -20,7 +27,10 @@ fn quad([left, bottom]: [f32; 2], [right, top]: [f32; 2], z: f32) -> [Vec3; 4] {
     [[left, bottom], [right, bottom], [right, top], [left, top]].map(|[x, y]| Vec3::new(x, y, z))
 }
 
-fn draw(shapes: &[(&[Vec3], &[[u32; 3]], Paint<'_>)], camera: &Camera, size: [u32; 2]) -> RgbImage {
+/// Positions, triangles and their colour.
+type Painted<'a> = (&'a [Vec3], &'a [[u32; 3]], Paint<'a>);
+
+fn draw(shapes: &[Painted<'_>], camera: &Camera, size: [u32; 2]) -> RgbImage {
     let normals: Vec<Vec<Vec3>> = shapes.iter().map(|(positions, tris, _)| smooth_normals(positions, tris)).collect();
     let shapes: Vec<Shape<'_>> = shapes
         .iter()
@@ -177,4 +187,120 @@ fn a_damaged_texture_is_an_error() {
     assert!(Texture::from_png(&png[..png.len() / 2]).is_err());
     assert!(Texture::from_png(b"").is_err());
     assert!(Texture::from_png(&png_bytes(&RgbImage::new(8193, 1)).unwrap()).is_err(), "longer than 8192 pixels");
+}
+
+/// The small garment with its vertices in another order than its base file's.
+fn reordered_garment() -> Garment {
+    let mut data: GarmentData = small_garment_data();
+    let count = data.mesh.source_vertex.len() as u32;
+    // 7 and 60 have no common factor: each number once.
+    data.mesh.source_vertex = (0..count).map(|i| i * 7 % count).collect();
+    Garment::new(data).unwrap()
+}
+
+/// Shape and values of an NPY file (version 1.0, little-endian float32, C order), read as its specification says.
+fn parse_npy(bytes: &[u8]) -> (Vec<usize>, Vec<f32>) {
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert_eq!(end % 64, 0, "the values are aligned");
+    let header = std::str::from_utf8(&bytes[10..end]).unwrap();
+    assert!(header.ends_with('\n') && header.is_ascii());
+    let header = header.trim_end();
+    let shape = header.strip_prefix("{'descr': '<f4', 'fortran_order': False, 'shape': (").unwrap();
+    let shape = shape.strip_suffix("), }").unwrap().split(", ").map(|n| n.parse().unwrap()).collect();
+    let values = bytes[end..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    (shape, values)
+}
+
+#[test]
+fn npy_holds_every_frame_in_the_order_of_the_base_file() {
+    let garment = reordered_garment();
+    let mut stage = Stage::new(&garment);
+    let shots = own_poses(&garment);
+    let mut bytes = npy_header(shots.len(), garment.unique_count());
+    for shot in &shots {
+        bytes.extend(npy_frame(&in_source_order(&garment, stage.show(shot).0)));
+    }
+    let (shape, values) = parse_npy(&bytes);
+    assert_eq!(shape, [4, 60, 3], "twins are left out");
+    assert_eq!(values.len(), 4 * 60 * 3);
+    let [mut positions_m, mut normals] = [(); 2].map(|()| vec![Vec3::ZERO; garment.vertex_count()]);
+    for (frame, shot) in shots.iter().enumerate() {
+        let mut rates = Rates::new(&garment);
+        (0..if frame > 0 { 2 } else { 0 }).for_each(|driver| rates.set(driver, frame - 1, 1.0));
+        let buffers = Frame { positions_m: &mut positions_m, normals: &mut normals };
+        evaluate_with_rates(&garment, &shot.pose, &rates, &mut Scratch::new(&garment), buffers);
+        for (v, position_m) in positions_m[..60].iter().enumerate() {
+            let at = (frame * 60 + v * 7 % 60) * 3;
+            assert_eq!(values[at..at + 3], position_m.to_array(), "frame {frame}, vertex {v}");
+        }
+    }
+}
+
+#[test]
+fn headers_of_any_size_are_aligned() {
+    for (frames, vertices) in [(0, 0), (1, 1), (19, 13_924), (123_456_789, 4_194_304), (usize::MAX, usize::MAX)] {
+        assert_eq!(parse_npy(&npy_header(frames, vertices)).0, [frames, vertices, 3]);
+    }
+}
+
+#[test]
+fn own_poses_are_the_table_with_the_base_first() {
+    let garment = small_garment();
+    let shots = own_poses(&garment);
+    let data = garment.data();
+    assert_eq!(shots.len(), data.targets.len() + 1);
+    assert_eq!((shots[0].name.as_str(), shots[0].blend, &shots[0].pose), ("base", Blend::Alone(None), &Pose::REST));
+    for (i, shot) in shots.iter().enumerate().skip(1) {
+        assert_eq!((shot.name.as_str(), shot.blend), (data.targets[i - 1].name.as_str(), Blend::Alone(Some(i - 1))));
+        for bone in Bone::ALL {
+            let column = data.poses.bones.iter().position(|b| *b == bone);
+            let expected = column.map_or(glam::Quat::IDENTITY, |column| data.poses.row(i)[column]);
+            assert_eq!(shot.pose.rotation(bone), expected, "{} of row {i}", bone.name());
+        }
+    }
+}
+
+#[test]
+fn a_stage_blends_like_the_run_time() {
+    let garment = small_garment();
+    let pose = own_poses(&garment)[1].pose.clone();
+    let [mut positions_m, mut normals] = [(); 2].map(|()| vec![Vec3::ZERO; garment.vertex_count()]);
+    let frame = Frame { positions_m: &mut positions_m, normals: &mut normals };
+    evaluate(&garment, &pose, &mut Scratch::new(&garment), frame);
+    let mut stage = Stage::new(&garment);
+    let shot = Shot { name: String::new(), pose, blend: Blend::Paper };
+    assert_eq!(stage.show(&shot), (&positions_m[..], &normals[..]));
+}
+
+#[test]
+fn obj_has_the_vertex_numbers_of_the_base_file() {
+    let garment = reordered_garment();
+    let mesh = &garment.data().mesh;
+    let ordered_m = in_source_order(&garment, &mesh.positions_m);
+    let mut text = Vec::new();
+    write_obj(&garment, &ordered_m, &mut text).unwrap();
+    let read = kitsuke_pipeline::source::obj::read("frame.obj", &text, &mut Vec::new()).unwrap();
+    assert_eq!(read.positions.len(), 60);
+    for (v, position_m) in mesh.positions_m.iter().enumerate() {
+        assert!(read.positions[v * 7 % 60].as_vec3().distance(*position_m) < 2e-6, "vertex {v}");
+    }
+    assert_eq!(read.uv.len(), mesh.uv.len());
+    assert_eq!(read.parts, mesh.parts.iter().map(|part| part.name.clone()).collect::<Vec<_>>());
+    assert_eq!(read.faces.len(), mesh.triangles.len());
+    for (face, triangle) in read.faces.iter().zip(&mesh.triangles) {
+        for (corner, &vertex) in read.corners_of(face).iter().zip(triangle) {
+            let unique = if vertex < 60 { vertex } else { mesh.twin_of[vertex as usize - 60] };
+            assert_eq!((corner.vertex, corner.uv), (mesh.source_vertex[unique as usize], Some(vertex)));
+        }
+    }
+}
+
+#[test]
+fn distances_name_the_worst_vertex() {
+    let a = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let b = [Vec3::ZERO, Vec3::X + 0.003 * Vec3::Z, Vec3::Y];
+    let Distance { max_m, mean_m, vertex } = Distance::between(&a, &b);
+    assert!((max_m - 0.003).abs() < 1e-7 && (mean_m - 0.001).abs() < 1e-7 && vertex == 1);
+    assert!(Distance::between(&a, &[Vec3::NAN; 3]).max_m.is_nan(), "what is no number is no small distance");
 }
