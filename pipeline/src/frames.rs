@@ -91,10 +91,13 @@ pub fn in_source_order(garment: &Garment, positions_m: &[Vec3]) -> Vec<Vec3> {
     ordered_m
 }
 
-/// The header of an NPY file (version 1.0) of little-endian float32 in C order; frames follow by [`npy_frame`].
+/// The header of an NPY file (version 1.0) of little-endian float32 in C order; the numbers follow.
 #[must_use]
-pub fn npy_header(frames: usize, vertices: usize) -> Vec<u8> {
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({frames}, {vertices}, 3), }}");
+pub fn npy_header(shape: &[usize]) -> Vec<u8> {
+    // As Python writes a tuple: one number alone has a comma behind it.
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let shape = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ") + comma;
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
     // Magic, version and length take 10 bytes; numpy wants the data at a multiple of 64.
     let padded = (10 + text.len() + 1).next_multiple_of(64) - 10;
     text.extend(std::iter::repeat_n(' ', padded - 1 - text.len()));
@@ -103,7 +106,7 @@ pub fn npy_header(frames: usize, vertices: usize) -> Vec<u8> {
     [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes()].concat()
 }
 
-/// One frame of an NPY file: x, y, z per vertex.
+/// The numbers of one frame: x, y, z per vertex.
 #[must_use]
 pub fn npy_frame(positions_m: &[Vec3]) -> Vec<u8> {
     positions_m.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect()

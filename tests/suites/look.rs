@@ -207,7 +207,8 @@ fn parse_npy(bytes: &[u8]) -> (Vec<usize>, Vec<f32>) {
     assert!(header.ends_with('\n') && header.is_ascii());
     let header = header.trim_end();
     let shape = header.strip_prefix("{'descr': '<f4', 'fortran_order': False, 'shape': (").unwrap();
-    let shape = shape.strip_suffix("), }").unwrap().split(", ").map(|n| n.parse().unwrap()).collect();
+    let shape =
+        shape.strip_suffix("), }").unwrap().trim_end_matches(',').split(", ").map(|n| n.parse().unwrap()).collect();
     let values = bytes[end..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
     (shape, values)
 }
@@ -217,7 +218,7 @@ fn npy_holds_every_frame_in_the_order_of_the_base_file() {
     let garment = reordered_garment();
     let mut stage = Stage::new(&garment);
     let shots = own_poses(&garment);
-    let mut bytes = npy_header(shots.len(), garment.unique_count());
+    let mut bytes = npy_header(&[shots.len(), garment.unique_count(), 3]);
     for shot in &shots {
         bytes.extend(npy_frame(&in_source_order(&garment, stage.show(shot).0)));
     }
@@ -240,7 +241,8 @@ fn npy_holds_every_frame_in_the_order_of_the_base_file() {
 #[test]
 fn headers_of_any_size_are_aligned() {
     for (frames, vertices) in [(0, 0), (1, 1), (19, 13_924), (123_456_789, 4_194_304), (usize::MAX, usize::MAX)] {
-        assert_eq!(parse_npy(&npy_header(frames, vertices)).0, [frames, vertices, 3]);
+        assert_eq!(parse_npy(&npy_header(&[frames, vertices, 3])).0, [frames, vertices, 3]);
+        assert_eq!(parse_npy(&npy_header(&[vertices])).0, [vertices]);
     }
 }
 

@@ -102,7 +102,7 @@ fn evaluate(args: &Args) -> Result<(), String> {
     let mut stage = Stage::new(garment);
     match args.format {
         Format::Npy => write_whole(&args.out.join("positions.npy"), |out| {
-            out.write_all(&npy_header(shots.len(), garment.unique_count()))?;
+            out.write_all(&npy_header(&[shots.len(), garment.unique_count(), 3]))?;
             shots.iter().try_for_each(|shot| out.write_all(&npy_frame(&in_source_order(garment, stage.show(shot).0))))
         })?,
         Format::Obj => {

@@ -1,7 +1,7 @@
 //! Where packs, sources and outputs lie: what the verbs that show and measure share.
 
 use kitsuke::Pack;
-use kitsuke_pipeline::ir;
+use kitsuke_pipeline::{catalog, ir, source};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ impl Places {
     pub fn open(&self, id_or_path: &str) -> Result<Pack, String> {
         let path = match Path::new(id_or_path) {
             path if path.is_file() => path.to_owned(),
-            _ => self.catalog.join("packs").join(format!("{id_or_path}.kitsuke")),
+            _ => catalog::pack_path(&self.catalog, id_or_path),
         };
         let bytes = fs::read(&path).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => {
@@ -39,7 +39,7 @@ impl Places {
             eprintln!("note: {} does not exist, so texture, wearer and target files are left out", dir.display());
             return None;
         }
-        let garment = kitsuke_pipeline::source::load(&dir).garment;
+        let garment = source::load(&dir).garment;
         if garment.is_none() {
             eprintln!(
                 "note: {} has mistakes (cargo xtask check {id}), so texture, wearer and target files are left out",

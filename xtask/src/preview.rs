@@ -1,12 +1,12 @@
 //! `cargo xtask preview`: contact sheets of kimono on their wearers.
 
+use crate::check::garment_ids;
 use crate::places::{Places, write_whole};
 use crate::shots;
 use clap::ValueEnum;
 use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::scene::{Bounds, Colours, Figure, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -74,7 +74,8 @@ enum ColoursName {
 
 /// Draws the sheets; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
-    let drawn = ids(&args).and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
+    let drawn = garment_ids(&args.places.assets, args.garments.clone())
+        .and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
     match drawn {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
@@ -82,20 +83,6 @@ pub fn run(args: Args) -> ExitCode {
             ExitCode::FAILURE
         }
     }
-}
-
-fn ids(args: &Args) -> Result<Vec<String>, String> {
-    if !args.garments.is_empty() {
-        return Ok(args.garments.clone());
-    }
-    let assets = &args.places.assets;
-    let entries = fs::read_dir(assets).map_err(|error| format!("cannot read {}: {error}", assets.display()))?;
-    let folders = entries.flatten().filter(|entry| entry.path().join("garment.toml").is_file());
-    let names = folders.filter_map(|entry| entry.file_name().into_string().ok());
-    // Folders such as `_template` are no garments.
-    let mut ids: Vec<String> = names.filter(|name| !name.starts_with('_')).collect();
-    ids.sort();
-    Ok(ids)
 }
 
 fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {

@@ -1,8 +1,9 @@
 //! Poses from tables and recordings, as shots to evaluate or draw.
 
+use glam::Vec3;
 use kitsuke::Garment;
-use kitsuke::skeleton::Pose;
-use kitsuke_pipeline::diagnostic::Diagnostic;
+use kitsuke::skeleton::{Pose, bvh};
+use kitsuke_pipeline::diagnostic::{self, Diagnostic};
 use kitsuke_pipeline::frames::{Blend, Shot};
 use kitsuke_pipeline::source::tables;
 use std::fs;
@@ -34,8 +35,11 @@ pub fn pose_table(path: &Path) -> Result<Vec<Row>, String> {
 /// The frames of a recorded motion on the garment's wearer, blended by the paper's kernel; the hips stay in place
 /// unless `root_motion`.
 pub fn motion(path: &Path, garment: &Garment, root_motion: bool) -> Result<Vec<Shot>, String> {
-    let _ = (path, garment, root_motion);
-    Err("recorded motion cannot be read yet".into())
+    let recording =
+        bvh::read(&read(path)?, &garment.data().skeleton).map_err(|e| format!("{}: {e}", path.display()))?;
+    let still = |pose: Pose| if root_motion { pose } else { Pose { hips_translation_m: Vec3::ZERO, ..pose } };
+    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Paper };
+    Ok(recording.poses.into_iter().enumerate().map(shot).collect())
 }
 
 /// All bytes of a file of reasonable length.
@@ -48,8 +52,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(unreadable)
 }
 
-/// Diagnostics as plain lines.
+/// Diagnostics as text, each with its snippet.
 pub fn said(report: &[Diagnostic]) -> String {
-    let line = |d: &Diagnostic| format!("{}: {} {}", d.file, d.problem, d.help);
-    report.iter().map(line).collect::<Vec<_>>().join("\n")
+    diagnostic::render(report, Path::new(""), diagnostic::Format::Human { color: false })
 }

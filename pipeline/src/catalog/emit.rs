@@ -1,6 +1,7 @@
 //! Writes what the stages made under readable names, for looking at it.
 
 use super::{CatalogError, write_renamed};
+use crate::frames::npy_header;
 use crate::{Built, ir};
 use glam::Vec3;
 use std::fmt::Write;
@@ -36,15 +37,7 @@ pub fn emit(folder: &Path, garment: &ir::Garment, built: &Built) -> Result<(), C
 
 /// A NumPy array, format version 1.0.
 fn write_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), CatalogError> {
-    let shape: String = shape.iter().map(|length| format!("{length}, ")).collect();
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
-    // Magic, version, length and header together are a multiple of 64 bytes, the last of them a newline.
-    let padding = 63 - (10 + header.len()) % 64;
-    header.push_str(&" ".repeat(padding));
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
+    let mut bytes = npy_header(shape);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     write_renamed(path, &bytes)
 }

@@ -197,12 +197,18 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
 
 impl Options {
     fn pack_path(&self, id: &str) -> PathBuf {
-        self.catalog.join("packs").join(format!("{id}.kitsuke"))
+        pack_path(&self.catalog, id)
     }
 
     fn record_path(&self, id: &str) -> PathBuf {
         self.cache.join("builds").join(id)
     }
+}
+
+/// Where the pack of a garment lies in a catalog's folder.
+#[must_use]
+pub fn pack_path(catalog: &Path, id: &str) -> PathBuf {
+    catalog.join("packs").join(format!("{id}.kitsuke"))
 }
 
 /// IDs of the garments to build, sorted: folders with a manifest, those whose names begin with `_` or `.` apart.
