@@ -4,9 +4,10 @@
 pub mod container;
 pub mod random;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::Garment;
 use kitsuke::garment::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
@@ -68,6 +69,25 @@ pub fn small_garment_data() -> GarmentData {
                 .flat_map(|(down, bent)| [Quat::from_rotation_z(down), Quat::from_rotation_y(-bent)])
                 .collect(),
         },
+        rbf: Some(small_rbf()),
+    }
+}
+
+/// Both drivers as one arm, with coefficients that are no interpolation of anything.
+fn small_rbf() -> Rbf {
+    let joint = |bone, swing| ChainJoint { bone, axis: DVec3::X, swing, twist: 0.25 };
+    let coefficients = |scale: f64| (0..12).map(|i| scale * f64::from(i - 5)).collect();
+    Rbf {
+        groups: vec![Group {
+            name: "leftArm".to_owned(),
+            drivers: vec![0, 1],
+            chain: vec![joint(Bone::LeftUpperArm, 1.0), joint(Bone::LeftLowerArm, 0.5)],
+            own: coefficients(0.1),
+            joint: coefficients(-0.05),
+        }],
+        width: 1.5,
+        joint_width: 0.75,
+        reach: 2.0,
     }
 }
 

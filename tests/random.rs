@@ -1,7 +1,8 @@
 //! Random garments and poses, the same for the same seed.
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 
 /// SplitMix64 (Steele, Lea and Flood 2014): one seed is one garment.
@@ -130,9 +131,28 @@ pub fn garment(seed: u64) -> Garment {
                 .collect(),
             bones,
         },
+        rbf: None,
         drivers,
         segments,
         targets,
     })
     .expect("random garments keep the rules")
+}
+
+/// The same garment with a default kernel of any coefficients: one group per driver.
+#[must_use]
+pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
+    let mut data = garment.data().clone();
+    let targets = data.targets.len();
+    let mut coefficients = || (0..(targets + 1) * targets).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
+    let groups = (0..data.drivers.len() as u8).map(|driver| Group {
+        name: format!("group {driver}"),
+        drivers: vec![driver],
+        chain: vec![ChainJoint { bone: BONES[usize::from(driver) % 7].0, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
+        own: coefficients(),
+        joint: coefficients(),
+    });
+    let groups: Vec<_> = groups.collect();
+    data.rbf = (!groups.is_empty()).then_some(Rbf { groups, width: 1.0, joint_width: 1.0, reach: 2.0 });
+    Garment::new(data).expect("random garments keep the rules")
 }

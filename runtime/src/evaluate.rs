@@ -107,7 +107,7 @@ impl Pieces {
     }
 }
 
-/// Writes the kimono in this pose, with the paper's blend rates.
+/// Writes the kimono in this pose, with the blend rates of the garment's own kernel ([`Garment::kernel`]).
 ///
 /// Whatever the pose holds, the frame is finite: rotations need not be unit quaternions, one that is not finite or has
 /// no length counts as the T-pose, and a hips translation that is not finite as none (see [`Pose::sanitised`]).
@@ -117,7 +117,7 @@ impl Pieces {
 pub fn evaluate(garment: &Garment, pose: &Pose, scratch: &mut Scratch, frame: Frame<'_>) {
     let pose = pose.sanitised();
     let mut rates = std::mem::take(&mut scratch.rates);
-    pose_blend::paper(garment, &pose, &mut rates);
+    pose_blend::rates(garment.kernel(), garment, &pose, &mut rates);
     evaluate_sanitised(garment, &pose, &rates, scratch, frame);
     scratch.rates = rates;
 }

@@ -1,6 +1,8 @@
 //! What an open pack holds: the kimono as plain arrays ([`GarmentData`]), and the same once its every index and number
 //! has been checked ([`Garment`]). Knows neither the bytes of a pack nor how a frame is made.
 
+use crate::pose_blend::Kernel;
+use crate::pose_blend::rbf::{ChainJoint, Rbf, Samples};
 use crate::skeleton::{Bone, Skeleton};
 use glam::{Quat, Vec2, Vec3};
 use std::collections::BTreeSet;
@@ -27,6 +29,10 @@ pub mod limits {
     pub const PARTS: usize = 256;
     /// Longest name, bytes.
     pub const NAME_BYTES: usize = 256;
+    /// Largest width or scale of the default kernel.
+    pub const RBF_WIDTH: f64 = 1e3;
+    /// Largest coefficient of the default kernel, either sign.
+    pub const RBF_COEFFICIENT: f64 = 1e9;
     /// Largest coordinate, and largest coordinate of a delta, metres.
     pub const EXTENT_M: f32 = 100.0;
     /// Largest texture coordinate.
@@ -147,12 +153,15 @@ pub struct GarmentData {
     pub targets: Vec<Target>,
     /// The poses of base and targets.
     pub poses: PoseTable,
+    /// The default kernel; without it the paper's is used.
+    pub rbf: Option<Rbf>,
 }
 
 /// A kimono whose every index and number has been checked, with what evaluation derives from it once.
 #[derive(Clone, Debug)]
 pub struct Garment {
     data: GarmentData,
+    samples: Samples,
 }
 
 impl Garment {
@@ -168,6 +177,7 @@ impl Garment {
         check_segments(&data)?;
         check_targets(&data)?;
         check_poses(&data)?;
+        check_rbf(&data)?;
         check_texts(&data)?;
         for rotation in &mut data.poses.rotations {
             // Only where needed: a second normalisation may change the last bit, and packs must come back as written.
@@ -175,7 +185,18 @@ impl Garment {
                 *rotation = rotation.normalize();
             }
         }
-        Ok(Garment { data })
+        Ok(Garment { samples: Samples::new(&data), data })
+    }
+
+    /// The samples of the default kernel, embedded.
+    pub(crate) fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// The kernel that [`evaluate`](crate::evaluate::evaluate) uses: the default one where the garment has it.
+    #[must_use]
+    pub fn kernel(&self) -> Kernel {
+        if self.data.rbf.is_some() { Kernel::Rbf } else { Kernel::Paper }
     }
 
     /// The checked arrays.
@@ -344,6 +365,26 @@ pub enum InvalidGarment {
         /// How many vertices its segments have.
         expected: usize,
     },
+    /// A width of the default kernel is out of range.
+    #[error("the widths of the default kernel must be above 0 and at most {max}", max = limits::RBF_WIDTH)]
+    RbfWidth,
+    /// A group names a driver that does not exist or is in another group too.
+    #[error("driver {driver} of group {group} does not exist or is in two groups")]
+    GroupDriver {
+        /// Number of the group.
+        group: usize,
+        /// Number of the driver.
+        driver: u8,
+    },
+    /// A driver is in no group.
+    #[error("driver {0} is in no group of the default kernel")]
+    Ungrouped(usize),
+    /// The chain of a group is no list of distinct bones of the pose table with unit axes and usable scales.
+    #[error("the chain of group {0} must be distinct bones of the pose table, with unit axes and scales of 0 or more")]
+    GroupChain(usize),
+    /// A coefficient of a group is not a usable number.
+    #[error("the coefficients of group {0} must lie within ±{max}", max = limits::RBF_COEFFICIENT)]
+    GroupCoefficient(usize),
     /// A bone of the pose table occurs twice or is not in the skeleton.
     #[error("bone {} of the pose table occurs twice or is not in the skeleton", .0.name())]
     PoseBone(Bone),
@@ -494,6 +535,46 @@ fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
     Ok(())
 }
 
+fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let Some(rbf) = &data.rbf else { return Ok(()) };
+    let usable = |width: f64| width > 1e-6 && width <= limits::RBF_WIDTH;
+    if !(usable(rbf.width) && usable(rbf.joint_width) && usable(rbf.reach)) {
+        return Err(InvalidGarment::RbfWidth);
+    }
+    check_count("groups", rbf.groups.len(), 1, limits::DRIVERS)?;
+    let mut owned = vec![false; data.drivers.len()];
+    for (i, group) in rbf.groups.iter().enumerate() {
+        for &driver in &group.drivers {
+            match owned.get_mut(usize::from(driver)) {
+                Some(owned @ false) => *owned = true,
+                _ => return Err(InvalidGarment::GroupDriver { group: i, driver }),
+            }
+        }
+        let distinct: BTreeSet<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
+        let scale = |scale: f64| (0.0..=limits::RBF_WIDTH).contains(&scale);
+        let sound = |joint: &ChainJoint| {
+            data.poses.bones.contains(&joint.bone)
+                && (joint.axis.length() - 1.0).abs() <= 1e-6
+                && scale(joint.swing)
+                && scale(joint.twist)
+        };
+        if group.chain.is_empty() || distinct.len() != group.chain.len() || !group.chain.iter().all(sound) {
+            return Err(InvalidGarment::GroupChain(i));
+        }
+        let expected = (data.targets.len() + 1) * data.targets.len();
+        for coefficients in [&group.own, &group.joint] {
+            check_length("coefficients of a group", coefficients.len(), expected)?;
+            if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
+                return Err(InvalidGarment::GroupCoefficient(i));
+            }
+        }
+    }
+    match owned.iter().position(|&owned| !owned) {
+        Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
+        None => Ok(()),
+    }
+}
+
 fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
     let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
     if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
@@ -503,6 +584,8 @@ fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
         return Err(InvalidGarment::GarmentName);
     }
     check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
+    let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
+    check_names("group", groups.map(|group| group.name.as_str()))?;
     check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
     check_names("target", data.targets.iter().map(|target| target.name.as_str()))
 }

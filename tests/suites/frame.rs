@@ -1,10 +1,12 @@
 //! Frames against a slow, plainly written evaluation in double precision, and what `evaluate` promises besides.
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
 use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::pose_blend::Kernel;
+use kitsuke::pose_blend::rbf::Group;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 use kitsuke::{Frame, Rates, Scratch, evaluate, evaluate_with_rates, pose_blend};
-use kitsuke_tests::random::{Numbers, garment};
+use kitsuke_tests::random::{Numbers, garment, with_rbf};
 use proptest::prelude::*;
 
 struct Buffers {
@@ -140,6 +142,67 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     closeness[1..].iter().map(|c| if sum > 0.0 { c / sum } else { 0.0 }).collect()
 }
 
+/// The default kernel by its formulas, on matrices.
+fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
+    let data = garment.data();
+    let rbf = data.rbf.as_ref().unwrap();
+    let squared = |group: &Group, row: usize| -> f64 {
+        let (mut input, mut sample) = (DMat3::IDENTITY, DMat3::IDENTITY);
+        let mut sum = 0.0;
+        for joint in &group.chain {
+            let column = data.poses.bones.iter().position(|&bone| bone == joint.bone).unwrap();
+            input *= DMat3::from_quat(pose.rotation(joint.bone).as_dquat().normalize());
+            sample *= DMat3::from_quat(data.poses.row(row)[column].as_dquat().normalize());
+            let apart = input - sample;
+            let squares: f64 = apart.to_cols_array().iter().map(|x| x * x).sum();
+            let along = (apart * joint.axis).length_squared();
+            sum += joint.swing * joint.swing * along + joint.twist * joint.twist * (squares - along);
+        }
+        sum
+    };
+    let group = rbf.groups.iter().find(|group| group.drivers.contains(&(driver as u8))).unwrap();
+    let rows = data.targets.len() + 1;
+    let mut far = 1.0;
+    let mut rates = vec![0.0; data.targets.len()];
+    for row in 0..rows {
+        let own = squared(group, row).sqrt();
+        let all = rbf.groups.iter().map(|group| squared(group, row)).sum::<f64>().sqrt();
+        let t = (2.0 * own / rbf.reach - 1.0).clamp(0.0, 1.0);
+        far *= t.powi(3) * (t * (6.0 * t - 15.0) + 10.0);
+        let phi = 1.0 / (1.0 + (own / rbf.width).powi(2)).sqrt();
+        let r = (all / rbf.joint_width).min(1.0);
+        let psi = (1.0 - r).powi(4) * (4.0 * r + 1.0);
+        for (target, rate) in rates.iter_mut().enumerate() {
+            let at = row * data.targets.len() + target;
+            *rate += phi * group.own[at] + psi * group.joint[at];
+        }
+    }
+    rates.iter().map(|rate| rate * (1.0 - far)).collect()
+}
+
+proptest! {
+    #[test]
+    fn poses_give_the_rates_of_the_default_kernel(seed: u64) {
+        let mut n = Numbers(seed);
+        let garment = with_rbf(&garment(seed), &mut n);
+        prop_assume!(garment.data().rbf.is_some());
+        let pose = n.pose();
+        let mut rates = Rates::new(&garment);
+        pose_blend::rates(Kernel::Rbf, &garment, &pose, &mut rates);
+        for driver in 0..garment.data().drivers.len() {
+            let expected = slow_rbf(&garment, &pose, driver);
+            for (&found, expected) in rates.driver(driver).iter().zip(expected) {
+                prop_assert!((f64::from(found) - expected).abs() <= 1e-4 * (1.0 + expected.abs()), "{found} {expected}");
+            }
+        }
+        let mut negated = pose.clone();
+        negated.rotations.iter_mut().for_each(|rotation| *rotation = -*rotation);
+        let mut again = Rates::new(&garment);
+        pose_blend::rates(Kernel::Rbf, &garment, &negated, &mut again);
+        prop_assert_eq!(rates, again, "a rotation and its negated quaternion are the same");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -249,6 +312,7 @@ fn triangle() -> GarmentData {
             bones: vec![Bone::Hips],
             rotations: vec![Quat::IDENTITY, Quat::from_rotation_x(quarter), Quat::from_rotation_z(quarter)],
         },
+        rbf: None,
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::{Quat, Vec2};
 use kitsuke::Garment;
 use kitsuke::garment::{GarmentData, Part, limits};
+use kitsuke::pose_blend::rbf::Rbf;
 use kitsuke::skeleton::Bone;
 use kitsuke_tests::{small_garment, small_garment_data};
 use std::f32::consts::PI;
@@ -105,7 +106,28 @@ const BROKEN: &[(Change, &str)] = &[
         |g| g.poses.rotations[0] = Quat::from_xyzw(0.0, f32::NAN, 0.0, 1.0),
         "the rotation of leftUpperArm in row 0 of the pose table is no unit quaternion",
     ),
+    (|g| rbf(g).reach = 0.0, "the widths of the default kernel must be above 0 and at most 1000"),
+    (|g| rbf(g).width = f64::NAN, "the widths of the default kernel must be above 0 and at most 1000"),
+    (|g| rbf(g).groups.clear(), "there are 0 groups; 1 to 32 are possible"),
+    (|g| rbf(g).groups[0].drivers.push(2), "driver 2 of group 0 does not exist or is in two groups"),
+    (|g| rbf(g).groups[0].drivers.push(1), "driver 1 of group 0 does not exist or is in two groups"),
+    (|g| _ = rbf(g).groups[0].drivers.pop(), "driver 1 is in no group of the default kernel"),
+    (|g| rbf(g).groups[0].chain.clear(), CHAIN),
+    (|g| rbf(g).groups[0].chain[1].bone = Bone::LeftUpperArm, CHAIN),
+    (|g| rbf(g).groups[0].chain[1].bone = Bone::Spine, CHAIN),
+    (|g| rbf(g).groups[0].chain[0].axis *= 1.1, CHAIN),
+    (|g| rbf(g).groups[0].chain[0].twist = -0.1, CHAIN),
+    (|g| _ = rbf(g).groups[0].own.pop(), "there are 11 coefficients of a group instead of 12"),
+    (|g| rbf(g).groups[0].joint[4] = f64::INFINITY, "the coefficients of group 0 must lie within ±1000000000"),
+    (|g| rbf(g).groups[0].name.clear(), "the name of group 0 must be 1 to 256 bytes of printable text"),
 ];
+
+const CHAIN: &str =
+    "the chain of group 0 must be distinct bones of the pose table, with unit axes and scales of 0 or more";
+
+fn rbf(data: &mut GarmentData) -> &mut Rbf {
+    data.rbf.as_mut().expect("the small garment has a default kernel")
+}
 
 #[test]
 fn each_rule_names_its_element() {
@@ -139,6 +161,7 @@ fn the_edge_of_each_rule_is_accepted() {
         |g| {
             g.targets.clear();
             g.poses.rotations.truncate(2);
+            g.rbf = None;
         },
     ];
     for (i, change) in edges.iter().enumerate() {

@@ -76,6 +76,15 @@ impl<'a> Reader<'a> {
         Ok(f32::from_le_bytes(self.array()?))
     }
 
+    pub(super) fn f64(&mut self) -> Result<f64, ContentProblem> {
+        Ok(f64::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn f64s(&mut self, count: usize) -> Result<Vec<f64>, ContentProblem> {
+        let bytes = self.take(count.saturating_mul(8))?;
+        Ok(bytes.as_chunks::<8>().0.iter().map(|&number| f64::from_le_bytes(number)).collect())
+    }
+
     pub(super) fn vec3(&mut self) -> Result<Vec3, ContentProblem> {
         Ok(Vec3::new(self.f32()?, self.f32()?, self.f32()?))
     }
@@ -166,6 +175,10 @@ impl Writer {
 
     pub(super) fn f32(&mut self, value: f32) {
         self.take(&value.to_le_bytes());
+    }
+
+    pub(super) fn f64s(&mut self, values: &[f64]) {
+        values.iter().for_each(|value| self.take(&value.to_le_bytes()));
     }
 
     pub(super) fn vec3(&mut self, value: Vec3) {

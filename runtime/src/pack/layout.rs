@@ -1,7 +1,7 @@
 //! The format of a pack, version 1.0. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How single numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
-//! Numbers are little-endian. `f32` is IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag` is a byte 0
+//! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag` is a byte 0
 //! or 1, `bone` is a byte: the number of a [`Bone`]. `column(n)` is n numbers as described in [`codec`](super::codec).
 //!
 //! # Container
@@ -47,6 +47,7 @@
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
+//! | `RBFS` | `flag` has a default kernel, and if so: `f64` width, joint width and reach, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
 //!
 //! Units and ranges are those of [`GarmentData`](crate::garment::GarmentData) and its parts, checked by
 //! [`Garment::new`](crate::garment::Garment::new) on both sides.
@@ -54,8 +55,9 @@
 use super::codec::{Column, Reader};
 use super::{ContentProblem, OpenError};
 use crate::garment::{Driver, Mesh, Part, PoseTable, Segment, SkinWeights, Target, limits};
+use crate::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use crate::skeleton::{Bone, Joint, Skeleton};
-use glam::{Quat, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
 use std::fmt;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -111,8 +113,10 @@ pub const DRIV: Tag = Tag(*b"DRIV");
 pub const SEGS: Tag = Tag(*b"SEGS");
 /// Targets.
 pub const TGTS: Tag = Tag(*b"TGTS");
+/// The default kernel.
+pub const RBFS: Tag = Tag(*b"RBFS");
 /// Every section of this version.
-pub const ALL: [Tag; 7] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS];
+pub const ALL: [Tag; 8] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS];
 
 /// An entry of the section table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -407,6 +411,53 @@ pub(super) fn write_targets(targets: &[Target], to: &mut Writer) {
         for coordinate in 0..3 {
             to.column::<2>(target.deltas.iter().map(|delta| u32::from(delta[coordinate] as u16)));
         }
+    }
+}
+
+pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>, ContentProblem> {
+    if !from.flag()? {
+        return Ok(None);
+    }
+    let [width, joint_width, reach] = [from.f64()?, from.f64()?, from.f64()?];
+    let coefficients = (info.targets + 1) * info.targets;
+    let groups = (0..from.u8()?)
+        .map(|_| {
+            let name = from.text()?;
+            let driver_count = usize::from(from.u8()?);
+            let drivers = from.take(driver_count)?.to_vec();
+            let chain = (0..from.u8()?).map(|_| read_chain_joint(from)).collect::<Result<_, _>>()?;
+            let own = from.f64s(coefficients)?;
+            let joint = from.f64s(coefficients)?;
+            Ok(Group { name, drivers, chain, own, joint })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Some(Rbf { groups, width, joint_width, reach }))
+}
+
+fn read_chain_joint(from: &mut Reader<'_>) -> Result<ChainJoint, ContentProblem> {
+    let bone = read_bone(from)?;
+    let axis = DVec3::new(from.f64()?, from.f64()?, from.f64()?);
+    Ok(ChainJoint { bone, axis, swing: from.f64()?, twist: from.f64()? })
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
+    to.flag(rbf.is_some());
+    let Some(rbf) = rbf else { return };
+    to.f64s(&[rbf.width, rbf.joint_width, rbf.reach]);
+    to.u8(rbf.groups.len() as u8);
+    for group in &rbf.groups {
+        to.text(&group.name);
+        to.u8(group.drivers.len() as u8);
+        to.take(&group.drivers);
+        to.u8(group.chain.len() as u8);
+        for joint in &group.chain {
+            to.u8(joint.bone as u8);
+            to.f64s(&joint.axis.to_array());
+            to.f64s(&[joint.swing, joint.twist]);
+        }
+        to.f64s(&group.own);
+        to.f64s(&group.joint);
     }
 }
 

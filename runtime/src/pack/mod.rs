@@ -291,7 +291,8 @@ fn read_garment(bytes: &[u8], sections: &[SectionInfo]) -> Result<GarmentData, O
     let (drivers, poses) = read_section(bytes, sections, layout::DRIV, |from| layout::read_drivers(&info, from))?;
     let segments = read_section(bytes, sections, layout::SEGS, |from| layout::read_segments(&info, from))?;
     let targets = read_section(bytes, sections, layout::TGTS, |from| layout::read_targets(&info, &segments, from))?;
-    Ok(GarmentData { id: info.id, name: info.name, skeleton, mesh, skin, drivers, segments, targets, poses })
+    let rbf = read_section(bytes, sections, layout::RBFS, |from| layout::read_rbf(&info, from))?;
+    Ok(GarmentData { id: info.id, name: info.name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf })
 }
 
 fn read_section<T>(

@@ -1,6 +1,8 @@
 //! From a pose to blend rates: how much each target counts for each driver (P0, steps 1 and 2). Knows rotations only,
 //! no vertex.
 
+pub mod rbf;
+
 use crate::garment::{Garment, PoseTable};
 use crate::skeleton::{Bone, Pose};
 use glam::Quat;
@@ -18,6 +20,7 @@ pub struct Rates {
     targets: usize,
     /// Row by row, one row of `targets` rates per driver.
     rates: Vec<f32>,
+    work: rbf::Work,
 }
 
 impl Rates {
@@ -25,7 +28,8 @@ impl Rates {
     #[must_use]
     pub fn new(garment: &Garment) -> Rates {
         let data = garment.data();
-        Rates { targets: data.targets.len(), rates: vec![0.0; data.drivers.len() * data.targets.len()] }
+        let rates = vec![0.0; data.drivers.len() * data.targets.len()];
+        Rates { targets: data.targets.len(), rates, work: rbf::Work::new(data) }
     }
 
     /// How many drivers and targets these rates are for.
@@ -50,8 +54,7 @@ impl Rates {
     /// When there is no such driver or target.
     pub fn set(&mut self, driver: usize, target: usize, rate: f32) {
         assert!(target < self.targets, "target {target} of {}", self.targets);
-        self.rates[driver * self.targets + target] =
-            if rate.is_nan() { 0.0 } else { rate.clamp(-LARGEST_RATE, LARGEST_RATE) };
+        self.rates[driver * self.targets + target] = limited(rate);
     }
 
     /// Sets all rates to 0.
@@ -63,6 +66,30 @@ impl Rates {
     #[must_use]
     pub fn is_active(&self, target: usize) -> bool {
         self.rates.iter().skip(target).step_by(self.targets.max(1)).any(|&rate| rate != 0.0)
+    }
+}
+
+fn limited(rate: f32) -> f32 {
+    if rate.is_nan() { 0.0 } else { rate.clamp(-LARGEST_RATE, LARGEST_RATE) }
+}
+
+/// Which kernel turns a pose into rates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kernel {
+    /// [`paper`]: normalised inverse pose differences within a threshold, driver by driver.
+    Paper,
+    /// [`rbf::rbf`]: exact, smooth, fitted to the garment.
+    Rbf,
+}
+
+/// The rates of a pose by this kernel.
+///
+/// # Panics
+/// When `rates` was made for a garment of another shape.
+pub fn rates(kernel: Kernel, garment: &Garment, pose: &Pose, rates: &mut Rates) {
+    match kernel {
+        Kernel::Paper => paper(garment, pose, rates),
+        Kernel::Rbf => rbf::rbf(garment, pose, rates),
     }
 }
 
