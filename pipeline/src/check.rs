@@ -1,97 +1,127 @@
 //! Source → Ir: units become metres and radians, names become numbers, and every mistake of the artist is reported, all
 //! in one run. Knows what garments are like, and no file format.
 
-use crate::diagnostic::{Diagnostic, Place};
+mod mesh;
+mod placement;
+mod target;
+
+use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::ir;
 use crate::source::Source;
-use crate::source::manifest::{self, RegionSource, Up};
+use crate::source::folder::Folder;
+use crate::source::manifest::{self, BoneName, DriverEntry, Field, Manifest, RegionSource, Up};
+use crate::source::masks::Mask;
 use crate::source::obj;
+use crate::source::paths::Paths;
+use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec2, Vec3};
+use kitsuke::garment::limits;
+use kitsuke::skeleton::Bone;
+use std::collections::BTreeMap;
 
 /// The budget where the manifest gives none.
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
+/// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
+const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
+/// Cosine of half a degree: two rotations whose quaternions' product exceeds it are less than one degree apart.
+const COS_HALF_DEGREE: f32 = 0.999_961_9;
+/// A mask below this everywhere is empty.
+const EMPTY_MASK: f32 = 1.0 / 255.0;
 
-/// Turns what was read into a garment, or reports why that cannot be.
+/// A file of the garment and the mesh in it.
+#[derive(Clone, Copy)]
+struct NamedMesh<'a> {
+    file: &'a str,
+    mesh: &'a obj::Mesh,
+}
+
+/// Turns what was read into a garment, or reports why that cannot be. What was absent in `source` is taken as
+/// reported already.
 pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment> {
     let Source { folder, manifest, poses, meshes, masks, body, paths, texture_png } = source;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
+    check_id(&folder, report);
+    let budget_m = check_budget(&manifest, &manifest_file, report);
+    let mesh_of = |written: &str| {
+        let (file, mesh) = meshes.get_key_value(&folder.name_of(written).ok()?)?;
+        Some(NamedMesh { file, mesh })
+    };
+    let poses_file = value(&manifest.poses).and_then(|written| folder.name_of(written).ok());
+    let poses = poses.zip(poses_file.as_deref());
+    if let Some((table, file)) = &poses {
+        check_poses(table, file, &manifest, &folder, report);
+    }
+    let drivers = check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
+    if let Some(body) = &body {
+        check_joints(&manifest, &manifest_file, poses.as_ref(), body, report);
+    }
+    let base_mesh = value(&manifest.base).and_then(|written| mesh_of(written));
+    let obi_mesh = value(&manifest.obi).and_then(|written| mesh_of(written));
+    for mesh in [base_mesh, obi_mesh].into_iter().flatten() {
+        mesh::check(mesh, report);
+    }
+    let regions =
+        base_mesh.and_then(|base| check_regions(&manifest, &manifest_file, &folder, base.mesh, &masks, report));
+
+    // What follows compares places, which needs unit and axes.
     let unit = manifest.unit.as_ref().map_or(Some(LengthUnit::M), |unit| unit.get().copied())?;
     let up = manifest.up.as_ref().map_or(Some(Up::Y), |up| up.get().copied())?;
     let place = |position: &DVec3| in_metres(*position, unit, up);
-    let mesh_of = |written: &str| {
-        let name = folder.name_of(written).ok()?;
-        meshes.get(&name).map(|mesh| (name, mesh))
-    };
-    let surface_of = |mesh: &obj::Mesh| surface(mesh, &place);
+    let base_mesh = base_mesh?;
+    let base = surface(base_mesh.mesh, &place);
+    let obi = obi_mesh.map(|obi| surface(obi.mesh, &place));
+    if let Some(paths) = &paths {
+        let file = value(&manifest.paths).and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
+        check_paths(paths, &file, base_mesh.file, &base, report);
+    }
+    let is_placed = body.as_ref().is_none_or(|body| placement::check(base_mesh, &base, unit, body, report));
+    if let (Some(mesh), Some(obi)) = (obi_mesh, &obi)
+        && is_placed
+    {
+        placement::check_obi(mesh, obi, &base, report);
+    }
 
-    let (base_name, base_mesh) = mesh_of(manifest.base.as_ref()?.get()?)?;
-    let base = surface_of(base_mesh);
-    let obi = manifest.obi.as_ref().and_then(|obi| mesh_of(obi.get()?)).map(|(_, mesh)| surface_of(mesh));
-    let poses = poses?;
     let mut targets = Vec::new();
-    for row in poses.rows.iter().skip(1) {
-        let (name, mesh) = mesh_of(&row.file)?;
-        if mesh.positions.len() != base.positions_m.len() {
-            report.push(
-                Diagnostic::error("vertex-count", name, Place::File)
-                    .problem(format!(
-                        "{} vertices, but {base_name} has {}",
-                        mesh.positions.len(),
-                        base.positions_m.len()
-                    ))
-                    .help("Export base and targets from the same mesh."),
-            );
-            continue;
+    let reference = target::Reference::new(base_mesh, &base, obi.as_ref().filter(|_| is_placed));
+    for row in poses.iter().flat_map(|(table, _)| table.rows.iter().skip(1)) {
+        let Some(mesh) = mesh_of(&row.file) else { continue };
+        let positions_m: Vec<Vec3> = mesh.mesh.positions.iter().map(place).collect();
+        if target::check(&reference, mesh, &positions_m, report) {
+            let PoseRow { name, file, rotations, .. } = row.clone();
+            targets.push(ir::TargetShape { name, file, rotations, positions_m });
         }
-        targets.push(ir::TargetShape {
-            name: row.name.clone(),
-            file: row.file.clone(),
-            rotations: row.rotations.clone(),
-            positions_m: mesh.positions.iter().map(place).collect(),
-        });
     }
-    let mut drivers = Vec::new();
-    for driver in &manifest.drivers {
-        drivers.push(ir::Driver {
-            name: driver.name.as_ref()?.get()?.clone(),
-            joints: driver.joints.iter().flatten().filter_map(|joint| joint.get()).map(|joint| joint.0).collect(),
-            threshold_rad: driver.threshold.as_ref()?.get()?.radians() as f32,
-        });
+    target::check_copies(&folder, &base, &targets, report);
+    if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
+        return None;
     }
-    let regions = match manifest.regions.as_ref().and_then(|regions| regions.get()).copied().unwrap_or_default() {
-        RegionSource::Auto => ir::Regions::Auto,
-        RegionSource::Painted => {
-            let corners: Vec<obj::Corner> = base_mesh.corners.clone();
-            let mut painted = Vec::new();
-            for driver in &manifest.drivers {
-                let mask = masks.get(&folder.name_of(driver.mask.as_ref()?.get()?).ok()?)?;
-                painted.push(vertex_values(base.positions_m.len(), &corners, &base.uv, |uv| mask.sample(uv)));
-            }
-            ir::Regions::Painted(painted)
-        }
-    };
-    let paths = paths.into_iter().flat_map(|paths| paths.0).map(|(name, path)| ir::MeasuredPath {
-        name,
-        ja: path.ja,
-        vertices: path.vertices.iter().flatten().filter_map(|vertex| vertex.get()).copied().collect(),
-        offset_m: path.offset.map_or(0.0, |offset| offset.metres() as f32),
-    });
-    let _ = &manifest_file;
     Some(ir::Garment {
         id: folder.id().to_owned(),
-        name: manifest.name.as_ref()?.get()?.clone(),
+        name: value(&manifest.name)?.clone(),
+        base,
         body: body?,
         obi,
         texture_png,
-        pose_bones: poses.bones,
+        pose_bones: poses?.0.bones,
         targets,
-        drivers,
-        regions,
-        paths: paths.collect(),
-        budget_m: manifest.budget.as_ref().map_or(Some(DEFAULT_BUDGET), |b| b.get().copied())?.metres() as f32,
-        base,
+        drivers: drivers?,
+        regions: regions?,
+        paths: paths.into_iter().flat_map(measured_paths).collect(),
+        budget_m: budget_m?,
     })
+}
+
+/// The value of a key that is there and right.
+fn value<T>(field: &Option<Field<T>>) -> Option<&T> {
+    field.as_ref()?.get()
+}
+
+/// A number with thousands separators, as in `13,924`.
+fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|d| std::str::from_utf8(d).unwrap_or("")).collect();
+    grouped.join(",")
 }
 
 /// A position of a file as metres, Y up, front +Z.
@@ -106,45 +136,399 @@ fn in_metres(position: DVec3, unit: LengthUnit, up: Up) -> Vec3 {
 /// A mesh as triangles in metres.
 fn surface(mesh: &obj::Mesh, place: &dyn Fn(&DVec3) -> Vec3) -> ir::Surface {
     let triangles = mesh.triangulate();
-    let is_textured = mesh.is_textured();
-    ir::Surface {
+    let part = |(name, &triangle_count): (&String, &u32)| ir::Part { name: name.clone(), triangle_count };
+    let mut surface = ir::Surface {
         positions_m: mesh.positions.iter().map(place).collect(),
         triangles: triangles.corners.iter().map(|corners| corners.map(|corner| corner.vertex)).collect(),
-        uv: if is_textured { mesh.uv.clone() } else { Vec::new() },
-        uv_triangles: if is_textured {
-            triangles.corners.iter().map(|corners| corners.map(|corner| corner.uv.unwrap_or(0))).collect()
-        } else {
-            Vec::new()
-        },
-        parts: mesh
-            .parts
-            .iter()
-            .zip(&triangles.part_counts)
-            .map(|(name, &triangle_count)| ir::Part { name: name.clone(), triangle_count })
-            .collect(),
+        parts: mesh.parts.iter().zip(&triangles.part_counts).map(part).collect(),
+        ..ir::Surface::default()
+    };
+    if mesh.is_textured() {
+        surface.uv.clone_from(&mesh.uv);
+        let uv_of = |corner: obj::Corner| corner.uv.expect("every corner of a textured mesh has a texture coordinate");
+        surface.uv_triangles = triangles.corners.iter().map(|corners| corners.map(uv_of)).collect();
+    }
+    surface
+}
+
+fn check_id(folder: &Folder, report: &mut Vec<Diagnostic>) {
+    let id = folder.id();
+    let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
+    if id.len() > limits::NAME_BYTES
+        || !id.starts_with(|c: char| c.is_ascii_alphanumeric())
+        || !id.chars().all(is_allowed)
+    {
+        report.push(
+            Diagnostic::error("garment-id", id, Place::File)
+                .problem(format!("the folder's name `{id}` is the kimono's ID, and no valid one"))
+                .help("Name the folder with a-z, 0-9, _ and - only, beginning with a letter or digit."),
+        );
+    }
+    for other in folder.same_but_for_case() {
+        report.push(
+            Diagnostic::error("duplicate-id", id, Place::File)
+                .problem(format!("the folder `{other}` beside it has the same ID but for upper and lower case"))
+                .help("Rename one of the two; many file systems take them for the same."),
+        );
+    }
+}
+
+fn check_budget(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) -> Option<f32> {
+    let Some(field) = &manifest.budget else { return Some(DEFAULT_BUDGET.metres() as f32) };
+    let budget = *field.get()?;
+    if !BUDGET_M.contains(&budget.metres()) {
+        report.push(
+            Diagnostic::error("budget", file, field.place())
+                .problem(format!("a budget of {budget} cannot be kept or is of no use"))
+                .help("Choose 0.001 mm to 10 mm; 0.05 mm cannot be seen."),
+        );
+        return None;
+    }
+    Some(budget.metres() as f32)
+}
+
+/// The pose table against itself and the manifest.
+fn check_poses(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folder, report: &mut Vec<Diagnostic>) {
+    let Some((base, targets)) = table.rows.split_first() else {
+        report.push(
+            Diagnostic::error("no-base-row", file, Place::File)
+                .problem("the pose table has no rows")
+                .help("Give one row per shape: first the base in the T-pose, then each target."),
+        );
+        return;
+    };
+    let base_file = value(&manifest.base).and_then(|written| folder.name_of(written).ok());
+    if base_file.is_some() && folder.name_of(&base.file).ok() != base_file {
+        report.push(
+            Diagnostic::error("base-row", file, Place::Line(base.line))
+                .problem(format!("the first row names `{}`, which is not the base of garment.toml", base.file))
+                .help("The first row is the base in the T-pose; put it there, rotations 0, 0, 0, 1."),
+        );
+    } else if let Some(at) = base.rotations.iter().position(|q| !is_near(*q, Quat::IDENTITY)) {
+        report.push(
+            Diagnostic::error("base-pose", file, Place::Line(base.line))
+                .problem(format!("the base is not in the T-pose: {} is turned", table.bones[at].name()))
+                .help("Drape the base in the T-pose; its rotations are 0, 0, 0, 1, and all others are relative to it."),
+        );
+    }
+    if targets.is_empty() {
+        report.push(
+            Diagnostic::error("no-targets", file, Place::File)
+                .problem("there are no targets, only the base, so nothing could move")
+                .help("Export the kimono in each pose (poses/01_name.obj, …) and add a row per pose."),
+        );
+    }
+    if targets.len() > limits::TARGETS {
+        report.push(
+            Diagnostic::error("too-many-targets", file, Place::File)
+                .problem(format!("{} targets are more than a pack can hold", grouped(targets.len())))
+                .help(format!("Use at most {}.", grouped(limits::TARGETS))),
+        );
+    }
+    check_rows(table, file, manifest, folder, report);
+}
+
+/// Rows against each other: names, files and poses that occur twice.
+fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folder, report: &mut Vec<Diagnostic>) {
+    let mut lines_of: BTreeMap<(&str, String), u32> = BTreeMap::new();
+    for row in &table.rows {
+        let shape = folder.name_of(&row.file).unwrap_or_else(|_| row.file.clone());
+        for (what, key, shown) in [("name", row.name.to_lowercase(), &row.name), ("file", shape, &row.file)] {
+            if let Some(line) = lines_of.insert((what, key), row.line) {
+                report.push(
+                    Diagnostic::error("duplicate-target", file, Place::Line(row.line))
+                        .problem(format!("the {what} `{shown}` stands in line {line} already"))
+                        .help(
+                            "Give every target a file and a name of its own (upper and lower case count as the same).",
+                        ),
+                );
+            }
+        }
+        if row.name.len() > limits::NAME_BYTES || row.name.chars().any(char::is_control) {
+            report.push(
+                Diagnostic::error("target-name", file, Place::Line(row.line))
+                    .problem("the name is too long or has control characters")
+                    .help(format!("Use at most {} bytes of printable text.", limits::NAME_BYTES)),
+            );
+        }
+    }
+    let joints: Vec<Bone> = manifest.drivers.iter().flat_map(joints_of).map(|(_, bone)| bone).collect();
+    for (i, row) in table.rows.iter().enumerate() {
+        for other in &table.rows[..i] {
+            let differing = table.bones.iter().zip(row.rotations.iter().zip(&other.rotations));
+            let mut differing = differing.filter(|(_, (a, b))| !is_near(**a, **b)).map(|(bone, _)| bone).peekable();
+            let said = if differing.peek().is_none() {
+                "differ by less than 1 degree in every joint"
+            } else if !joints.is_empty() && !differing.any(|bone| joints.contains(bone)) {
+                "differ only in joints that no driver compares"
+            } else {
+                continue;
+            };
+            report.push(
+                Diagnostic::error("equal-poses", file, Place::Line(row.line))
+                    .problem(format!("the poses `{}` and `{}` (line {}) {said}", row.name, other.name, other.line))
+                    .help("Correct the rotations, leave one of the two out, or give a driver the joint that differs."),
+            );
+        }
+    }
+}
+
+/// Whether two unit quaternions are less than one degree apart.
+fn is_near(a: Quat, b: Quat) -> bool {
+    a.dot(b).abs() > COS_HALF_DEGREE
+}
+
+/// A driver's joints that are right, with their places.
+fn joints_of(driver: &DriverEntry) -> impl Iterator<Item = (&Field<BoneName>, Bone)> {
+    driver.joints.iter().flatten().filter_map(|field| Some((field, field.get()?.0)))
+}
+
+/// The drivers of the manifest; `None` when one of them is incomplete.
+fn check_drivers(
+    manifest: &Manifest,
+    file: &str,
+    poses: Option<&PoseTable>,
+    report: &mut Vec<Diagnostic>,
+) -> Option<Vec<ir::Driver>> {
+    if manifest.drivers.is_empty() || manifest.drivers.len() > limits::DRIVERS {
+        report.push(
+            Diagnostic::error("driver-count", file, Place::File)
+                .problem(format!("there are {} drivers", manifest.drivers.len()))
+                .help(format!("Give 1 to {} [[driver]] tables: joints whose poses choose the shape.", limits::DRIVERS)),
+        );
+    }
+    let mut names: Vec<&str> = Vec::new();
+    for driver in &manifest.drivers {
+        if let (Some(field), Some(name)) = (&driver.name, value(&driver.name)) {
+            if names.contains(&name.as_str()) {
+                report.push(
+                    Diagnostic::error("duplicate-driver", file, field.place())
+                        .problem(format!("two drivers are called `{name}`"))
+                        .help("Give every driver a name of its own."),
+                );
+            }
+            if name.is_empty() || name.len() > limits::NAME_BYTES {
+                report.push(
+                    Diagnostic::error("driver-name", file, field.place())
+                        .problem("the driver's name is empty or too long")
+                        .help(format!("Use 1 to {} bytes.", limits::NAME_BYTES)),
+                );
+            }
+            names.push(name);
+        }
+        check_driver_joints(driver, file, poses, report);
+        if let (Some(field), Some(threshold)) = (&driver.threshold, value(&driver.threshold))
+            && !(threshold.radians() > 0.0 && threshold.radians() <= std::f64::consts::PI)
+        {
+            report.push(
+                Diagnostic::error("threshold", file, field.place())
+                    .problem(format!("a threshold of {threshold} lets no pose or every pose be similar"))
+                    .help("Choose more than 0 and at most 180 deg; 60 deg suits shoulders and elbows."),
+            );
+        }
+    }
+    let driver = |driver: &DriverEntry| {
+        Some(ir::Driver {
+            name: value(&driver.name)?.clone(),
+            joints: joints_of(driver).map(|(_, bone)| bone).collect(),
+            threshold_rad: value(&driver.threshold)?.radians() as f32,
+        })
+    };
+    manifest.drivers.iter().map(driver).collect()
+}
+
+fn check_driver_joints(driver: &DriverEntry, file: &str, poses: Option<&PoseTable>, report: &mut Vec<Diagnostic>) {
+    if driver.joints.as_ref().is_some_and(Vec::is_empty) {
+        report.push(
+            Diagnostic::error("driver-joints", file, driver.name.as_ref().map_or(Place::File, Field::place))
+                .problem("the driver has no joints")
+                .help("Name one or more, for example joints = [\"rightLowerArm\"]."),
+        );
+    }
+    let mut seen = Vec::new();
+    for (field, bone) in joints_of(driver) {
+        if seen.contains(&bone) {
+            report.push(
+                Diagnostic::error("driver-joints", file, field.place())
+                    .problem(format!("the joint {} is named twice", bone.name()))
+                    .help("Name each joint once."),
+            );
+        }
+        seen.push(bone);
+        if poses.is_some_and(|table| !table.bones.contains(&bone)) {
+            report.push(
+                Diagnostic::error("missing-joint", file, field.place())
+                    .problem(format!("the pose table gives no rotations of {}", bone.name()))
+                    .help(format!("Add the columns {0}_qx,{0}_qy,{0}_qz,{0}_qw, or name another joint.", bone.name())),
+            );
+        }
+    }
+}
+
+/// Whether the body has the joints of drivers and pose table, and those that carry the skirt.
+fn check_joints(
+    manifest: &Manifest,
+    file: &str,
+    poses: Option<&(PoseTable, &str)>,
+    body: &ir::Body,
+    report: &mut Vec<Diagnostic>,
+) {
+    let lacks = |bone: &Bone| body.skeleton.index_of(*bone).is_none();
+    let body_place = manifest.body.as_ref().map_or(Place::File, Field::place);
+    for bone in [Bone::Hips, Bone::LeftUpperLeg, Bone::RightUpperLeg].iter().filter(|bone| lacks(bone)) {
+        report.push(
+            Diagnostic::error("missing-joint", file, body_place.clone())
+                .problem(format!("the body has no joint {}, which carries the skirt", bone.name()))
+                .help("Use a body with the joints hips, leftUpperLeg and rightUpperLeg."),
+        );
+    }
+    for (field, bone) in manifest.drivers.iter().flat_map(joints_of).filter(|(_, bone)| lacks(bone)) {
+        report.push(
+            Diagnostic::error("missing-joint", file, field.place())
+                .problem(format!("the body has no joint {}", bone.name()))
+                .help("Name a joint of the body's skeleton."),
+        );
+    }
+    if let Some((table, poses_file)) = poses {
+        for bone in table.bones.iter().filter(|bone| lacks(bone)) {
+            report.push(
+                Diagnostic::error("missing-joint", *poses_file, Place::Line(1))
+                    .problem(format!("the table turns {}, which the body does not have", bone.name()))
+                    .help("Remove its columns, or use a body with that joint."),
+            );
+        }
+    }
+}
+
+/// The regions as the manifest wants them; masks are checked even where regions are grown.
+fn check_regions(
+    manifest: &Manifest,
+    file: &str,
+    folder: &Folder,
+    base: &obj::Mesh,
+    masks: &BTreeMap<String, Mask>,
+    report: &mut Vec<Diagnostic>,
+) -> Option<ir::Regions> {
+    let source = manifest.regions.as_ref().map_or(Some(RegionSource::Auto), |regions| regions.get().copied())?;
+    let mut painted = Vec::new();
+    let mut first: Option<(&str, &Mask)> = None;
+    for driver in &manifest.drivers {
+        let Some(field) = &driver.mask else {
+            if source == RegionSource::Painted {
+                report.push(
+                    Diagnostic::error("missing-mask", file, driver.name.as_ref().map_or(Place::File, Field::place))
+                        .problem("regions are painted, but this driver has no mask")
+                        .help("Add mask = \"regions/NAME.png\", or set regions = \"auto\"."),
+                );
+            }
+            continue;
+        };
+        let Some((name, mask)) = field.get().and_then(|written| masks.get_key_value(&folder.name_of(written).ok()?))
+        else {
+            continue;
+        };
+        let (first_name, first_mask) = *first.get_or_insert((name, mask));
+        if (mask.width, mask.height) != (first_mask.width, first_mask.height) {
+            report.push(
+                Diagnostic::error("mask-size", name, Place::File)
+                    .problem(format!(
+                        "the mask has {} x {} pixels, but {first_name} has {} x {}",
+                        mask.width, mask.height, first_mask.width, first_mask.height
+                    ))
+                    .help("Paint all masks of a kimono in one size, for example 1024 x 1024."),
+            );
+        }
+        let weights = vertex_values(base, |uv| mask.sample(uv));
+        if base.is_textured() && weights.iter().all(|&weight| weight < EMPTY_MASK) {
+            report.push(
+                Diagnostic::error("empty-mask", name, Place::File)
+                    .problem("the mask is black wherever the kimono lies")
+                    .help("Paint the driver's region white, in the texture space of the base (v = 0 at the bottom)."),
+            );
+        }
+        painted.push(weights);
+    }
+    if first.is_some() && !base.is_textured() {
+        report.push(
+            Diagnostic::error("mask-without-uv", file, Place::File)
+                .problem("there are masks, but the base has no texture coordinates to look them up with")
+                .help("Export the base with texture coordinates, or remove the masks and set regions = \"auto\"."),
+        );
+    }
+    match source {
+        RegionSource::Auto => Some(ir::Regions::Auto),
+        RegionSource::Painted => (painted.len() == manifest.drivers.len()).then_some(ir::Regions::Painted(painted)),
     }
 }
 
 /// For each vertex the mean of `value` over its distinct texture coordinates; 0 where it has none.
-fn vertex_values(count: usize, corners: &[obj::Corner], uv: &[Vec2], value: impl Fn(Vec2) -> f32) -> Vec<f32> {
-    let mut pairs: Vec<(u32, u32)> = corners.iter().filter_map(|corner| Some((corner.vertex, corner.uv?))).collect();
+fn vertex_values(mesh: &obj::Mesh, value: impl Fn(Vec2) -> f32) -> Vec<f32> {
+    let pair = |corner: &obj::Corner| Some((corner.vertex, corner.uv?));
+    let mut pairs: Vec<(u32, u32)> = mesh.corners.iter().filter_map(pair).collect();
     pairs.sort_unstable();
     pairs.dedup();
-    let mut sums = vec![(0.0, 0u32); count];
+    let mut sums = vec![(0.0, 0u32); mesh.positions.len()];
     for (vertex, coordinate) in pairs {
-        let (sum, n) = &mut sums[vertex as usize];
-        *sum += value(uv[coordinate as usize]);
-        *n += 1;
+        let (sum, count) = &mut sums[vertex as usize];
+        *sum += value(mesh.uv[coordinate as usize]);
+        *count += 1;
     }
-    sums.into_iter().map(|(sum, n)| if n == 0 { 0.0 } else { sum / n as f32 }).collect()
+    sums.into_iter().map(|(sum, count)| if count == 0 { 0.0 } else { sum / count as f32 }).collect()
+}
+
+/// Paths run along edges of the base.
+fn check_paths(paths: &Paths, file: &str, base_file: &str, base: &ir::Surface, report: &mut Vec<Diagnostic>) {
+    let edges = mesh::edges(&base.triangles);
+    let count = base.positions_m.len();
+    for (name, path) in &paths.0 {
+        let Some(vertices) = &path.vertices else { continue };
+        let known: Vec<(Place, u32)> =
+            vertices.iter().filter_map(|field| Some((field.place(), *field.get()?))).collect();
+        if vertices.len() < 2 {
+            report.push(
+                Diagnostic::error("short-path", file, vertices.first().map_or(Place::File, Field::place))
+                    .problem(format!("the path {name} has {} vertices", vertices.len()))
+                    .help("A path needs two or more vertices."),
+            );
+        }
+        for (place, vertex) in &known {
+            if *vertex as usize >= count {
+                report.push(
+                    Diagnostic::error("path-vertex", file, place.clone())
+                        .problem(format!("vertex {vertex} of the path {name} does not exist in {base_file}"))
+                        .help(format!("Vertices are numbered from 0 to {}.", count.saturating_sub(1))),
+                );
+            }
+        }
+        for pair in known.windows(2) {
+            let ((_, from), (place, to)) = (&pair[0], &pair[1]);
+            let is_edge = edges.binary_search(&[*from.min(to), *from.max(to)]).is_ok();
+            if !is_edge && (*from.max(to) as usize) < count {
+                report.push(
+                    Diagnostic::error("path-off-edge", file, place.clone())
+                        .problem(format!("no edge of {base_file} joins vertices {from} and {to} of the path {name}"))
+                        .help("Name every vertex on the way, from neighbour to neighbour, numbered from 0."),
+                );
+            }
+        }
+    }
+}
+
+fn measured_paths(paths: Paths) -> impl Iterator<Item = ir::MeasuredPath> {
+    paths.0.into_iter().map(|(name, path)| ir::MeasuredPath {
+        name,
+        ja: path.ja,
+        vertices: path.vertices.iter().flatten().filter_map(|vertex| vertex.get().copied()).collect(),
+        offset_m: path.offset.map_or(0.0, |offset| offset.metres() as f32),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
     fn the_sample_is_clean() {
-        let loaded =
-            crate::source::load(std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon")));
+        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon");
+        let loaded = crate::source::load(std::path::Path::new(sample));
         assert_eq!(loaded.diagnostics, []);
         let garment = loaded.garment.unwrap();
         assert_eq!(garment.base.positions_m.len(), 13_924);
@@ -154,5 +538,15 @@ mod tests {
         assert_eq!(garment.body.skeleton.joints().len(), 20);
         assert_eq!(garment.paths.len(), 17);
         assert_eq!(garment.drivers.len(), 4);
+    }
+
+    #[test]
+    fn numbers_are_grouped() {
+        let check = |number, expected: &str| assert_eq!(super::grouped(number), expected);
+        check(0, "0");
+        check(999, "999");
+        check(1_000, "1,000");
+        check(13_924, "13,924");
+        check(1_234_567, "1,234,567");
     }
 }

@@ -107,6 +107,13 @@ impl Folder {
         Ok(bytes)
     }
 
+    /// Other garment folders whose names differ from this one's only by upper and lower case.
+    #[must_use]
+    pub fn same_but_for_case(&self) -> Vec<String> {
+        let is_other = |id: &String| *id != self.id && id.to_lowercase() == self.id.to_lowercase();
+        super::garment_ids(&self.root).unwrap_or_default().into_iter().filter(is_other).collect()
+    }
+
     /// A file beside the missing `name` whose name is nearly the same.
     #[must_use]
     pub fn similar(&self, name: &str) -> Option<String> {

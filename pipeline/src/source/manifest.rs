@@ -2,7 +2,7 @@
 //! nothing of the files that it names.
 
 use super::closest;
-use super::units::{Angle, Length, LengthUnit};
+use super::units::{Angle, Length, LengthUnit, one_of};
 use crate::diagnostic::{Diagnostic, Place};
 use kitsuke::skeleton::Bone;
 use schemars::generate::SchemaSettings;
@@ -20,7 +20,7 @@ pub const FILE_NAME: &str = "garment.toml";
 
 /// A kimono's manifest. A key that is absent here was absent or wrong in the file, and has been reported.
 #[derive(Debug, Deserialize, JsonSchema)]
-#[schemars(title = "garment.toml", deny_unknown_fields)]
+#[schemars(title = "garment.toml", description = "A kimono's manifest.", deny_unknown_fields)]
 pub struct Manifest {
     /// The name people read.
     #[schemars(required)]
@@ -70,27 +70,66 @@ pub struct DriverEntry {
     pub mask: Option<Field<String>>,
 }
 
-/// Which axis points up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+/// Which axis points up: `+Y` (then the front is +Z) or `+Z` (then it is -Y).
+#[allow(missing_docs)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "toml::Value")]
 pub enum Up {
-    #[default]
-    #[serde(rename = "+Y")]
-    #[allow(missing_docs)]
     Y,
-    #[serde(rename = "+Z")]
-    #[allow(missing_docs)]
     Z,
 }
 
-/// Where the regions come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+impl Up {
+    const ALL: [(&'static str, Up); 2] = [("+Y", Up::Y), ("+Z", Up::Z)];
+}
+
+impl TryFrom<toml::Value> for Up {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<Up, String> {
+        one_of("axis that can point up", &value, Up::ALL)
+    }
+}
+
+impl JsonSchema for Up {
+    fn schema_name() -> Cow<'static, str> {
+        "Up".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": Up::ALL.map(|(name, _)| name) })
+    }
+}
+
+/// Where the regions come from: grown from where the targets differ, or painted.
+#[allow(missing_docs)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "toml::Value")]
 pub enum RegionSource {
-    #[default]
-    #[allow(missing_docs)]
     Auto,
-    #[allow(missing_docs)]
     Painted,
+}
+
+impl RegionSource {
+    const ALL: [(&'static str, RegionSource); 2] = [("auto", RegionSource::Auto), ("painted", RegionSource::Painted)];
+}
+
+impl TryFrom<toml::Value> for RegionSource {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<RegionSource, String> {
+        one_of("way to make regions", &value, RegionSource::ALL)
+    }
+}
+
+impl JsonSchema for RegionSource {
+    fn schema_name() -> Cow<'static, str> {
+        "RegionSource".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": RegionSource::ALL.map(|(name, _)| name) })
+    }
 }
 
 /// A bone by its VRM 1.0 name.

@@ -1,11 +1,12 @@
-//! Painted region masks: PNG images in the texture's space, sampled at texture coordinates. Knows no mesh.
+//! PNG images in the kimono's texture space: region masks, sampled at texture coordinates, and the colour texture, kept
+//! as bytes. Knows no mesh.
 
 use crate::diagnostic::{Diagnostic, Place};
 use glam::Vec2;
 use image::{ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
-/// Widest and highest mask, pixels.
+/// Widest and highest image, pixels.
 const SIDE: u32 = 8192;
 
 /// A grey image, 0 (not this region) to 1 (wholly this region).
@@ -35,6 +36,22 @@ impl Mask {
         let bottom = value(x0, y1) * (1.0 - fx) + value(x1, y1) * fx;
         top * (1.0 - fy) + bottom * fy
     }
+}
+
+/// The bytes of a colour texture, once its header has shown that it is a PNG of usable size.
+pub fn read_texture(file: &str, bytes: Vec<u8>, report: &mut Vec<Diagnostic>) -> Option<Vec<u8>> {
+    let size = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Png).into_dimensions();
+    let problem = match size {
+        Ok((1..=SIDE, 1..=SIDE)) => return Some(bytes),
+        Ok((width, height)) => format!("the texture has {width} x {height} pixels"),
+        Err(error) => format!("the texture is no readable PNG: {error}"),
+    };
+    report.push(
+        Diagnostic::error("texture-image", file, Place::File)
+            .problem(problem)
+            .help(format!("Save the texture as a PNG of at most {SIDE} x {SIDE} pixels.")),
+    );
+    None
 }
 
 /// Decodes a PNG mask of 8 or 16 bits, grey or coloured (then its luminance counts).

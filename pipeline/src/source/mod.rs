@@ -284,7 +284,7 @@ enum Decoded {
     Body(Option<Box<ir::Body>>),
     Mask(Option<masks::Mask>),
     Paths(Option<paths::Paths>),
-    Texture(Vec<u8>),
+    Texture(Option<Vec<u8>>),
 }
 
 fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Vec<InputFile>) {
@@ -297,7 +297,7 @@ fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Ve
             Role::Body => Decoded::Body(body::read(name, &bytes, &mut report).map(Box::new)),
             Role::Mask => Decoded::Mask(masks::read(name, &bytes, &mut report)),
             Role::Paths => Decoded::Paths(paths::read(name, &bytes, &mut report)),
-            Role::Texture => Decoded::Texture(bytes),
+            Role::Texture => Decoded::Texture(masks::read_texture(name, bytes, &mut report)),
         };
         (decoded, report, hash)
     });
@@ -320,7 +320,7 @@ fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Ve
             Decoded::Mask(mask) => source.masks.extend(mask.map(|mask| (path, mask))),
             Decoded::Body(body) => source.body = body.map(|body| *body),
             Decoded::Paths(paths) => source.paths = paths,
-            Decoded::Texture(bytes) => source.texture_png = Some(bytes),
+            Decoded::Texture(bytes) => source.texture_png = bytes,
         }
     }
     inputs.sort();

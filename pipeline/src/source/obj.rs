@@ -334,3 +334,166 @@ fn shortened(word: &str) -> String {
     }
     short
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::path::{Path, PathBuf};
+
+    fn read_text(text: &str) -> Result<Mesh, Vec<Diagnostic>> {
+        read_bytes(text.as_bytes())
+    }
+
+    fn read_bytes(bytes: &[u8]) -> Result<Mesh, Vec<Diagnostic>> {
+        let mut report = Vec::new();
+        read("test.obj", bytes, &mut report).ok_or(report)
+    }
+
+    const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+    fn triangles(faces: &str) -> Vec<[u32; 3]> {
+        let mesh = read_text(&format!("{SQUARE}{faces}")).unwrap();
+        mesh.triangulate().corners.iter().map(|corners| corners.map(|corner| corner.vertex)).collect()
+    }
+
+    #[test]
+    fn faces_in_every_spelling() {
+        for face in ["f 1 2 3 4", "f 1/ 2/ 3/ 4/", "f 1//9 2//9 3//9 4//9", "f -4 -3 -2 -1", "f\t1 2 \\\n 3 4\r"] {
+            assert_eq!(triangles(face), [[0, 1, 2], [0, 2, 3]], "{face}");
+        }
+    }
+
+    #[test]
+    fn parts_are_runs_of_triangles_even_when_a_group_recurs() {
+        let mesh = read_text(&format!(
+            "{SQUARE}f 1 2 3\ng sode left\nf 1 2 4\ng\nf 2 3 4\no eri\nf 3 4 1\ng sode left\nf 1 3 4"
+        ))
+        .unwrap();
+        assert_eq!(mesh.parts, ["default", "sode left", "eri"]);
+        let triangles = mesh.triangulate();
+        assert_eq!(triangles.part_counts, [2, 2, 1]);
+        assert_eq!(triangles.faces, [0, 2, 1, 4, 3]);
+    }
+
+    #[test]
+    fn a_concave_polygon_is_cut_inside() {
+        // An arrow head whose fan about the first corner would leave it.
+        let mesh = read_text("v 0 0 0\nv 4 -3 0\nv 1 0 0\nv 4 3 0\nf 2 3 4 1").unwrap();
+        let area = |corners: &[Corner; 3]| {
+            let [a, b, c] = corners.map(|corner| mesh.positions[corner.vertex as usize]);
+            (b - a).cross(c - a).z / 2.0
+        };
+        let areas: Vec<f64> = mesh.triangulate().corners.iter().map(area).collect();
+        assert!(areas.iter().all(|area| *area > 0.0), "{areas:?}");
+        assert!((areas.iter().sum::<f64>() - 3.0).abs() < 1e-12, "{areas:?}");
+    }
+
+    #[test]
+    fn mistakes_name_their_lines() {
+        let check = |text: &str, code: &str, line: u32| {
+            let report = read_text(text).unwrap_err();
+            assert_eq!((report[0].code, &report[0].place), (code, &Place::Line(line)), "{text}: {report:?}");
+        };
+        check("v 0 0 0\nv 1 nan 0\n", "obj-number", 2);
+        check("v 0 0 0\nv 1 -1.#IND 0\n", "obj-number", 2);
+        check("v 0 0\n", "obj-number", 1);
+        check("v 1e999 0 0\n", "obj-number", 1);
+        check(&format!("{SQUARE}f 1 2 5"), "obj-face", 5);
+        check(&format!("{SQUARE}f 1 2 0"), "obj-face", 5);
+        check(&format!("{SQUARE}f 1 2 -5"), "obj-face", 5);
+        check(&format!("{SQUARE}f 1/1 2/1 3/1"), "obj-face", 5);
+        check(&format!("{SQUARE}f 1 2"), "obj-face", 5);
+        check(&format!("{SQUARE}f 1 2 99999999999999999999"), "obj-face", 5);
+        check(&format!("{SQUARE}\\\n\\\nf 1 2 x"), "obj-face", 5);
+        assert_eq!(read_bytes(b"\xff\xfev\0 \0").unwrap_err()[0].code, "obj-encoding");
+        assert_eq!(read_bytes(b"Kaydara FBX Binary  ").unwrap_err()[0].code, "obj-encoding");
+    }
+
+    /// All `v` lines, read by the shortest possible code.
+    fn naive_positions(text: &str) -> Vec<DVec3> {
+        let numbers =
+            |line: &str| line.split_whitespace().skip(1).map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+        text.lines().filter(|line| line.starts_with("v ")).map(|line| DVec3::from_slice(&numbers(line))).collect()
+    }
+
+    #[test]
+    fn the_sample_keeps_its_vertex_order_and_agrees_with_ufbx() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon/base.obj");
+        let text = std::fs::read_to_string(path).unwrap();
+        let mesh = read_text(&text).unwrap();
+        assert_eq!(mesh.positions, naive_positions(&text));
+        assert_eq!(mesh.parts.len(), 7);
+
+        let options = ufbx::LoadOpts { obj_merge_objects: true, obj_merge_groups: true, ..Default::default() };
+        let scene = ufbx::load_memory(text.as_bytes(), options).unwrap();
+        let other = &scene.meshes[0];
+        let place = |p: &ufbx::Vec3| DVec3::new(p.x, p.y, p.z);
+        assert_eq!(mesh.positions, other.vertices.iter().map(place).collect::<Vec<_>>());
+        assert_eq!(mesh.corners.iter().map(|c| c.vertex).collect::<Vec<_>>(), other.vertex_indices.to_vec());
+        let texture_coordinate = |corner: &Corner| mesh.uv[corner.uv.unwrap() as usize];
+        let same = (0..mesh.corners.len()).all(|i| {
+            let uv = other.vertex_uv[i];
+            texture_coordinate(&mesh.corners[i]) == Vec2::new(uv.x as f32, uv.y as f32)
+        });
+        assert!(same, "texture coordinates differ from ufbx's");
+    }
+
+    fn shared(folder: &str) -> Option<PathBuf> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(folder);
+        if !path.exists() {
+            println!("skipped: {} is absent", path.display());
+        }
+        path.exists().then_some(path)
+    }
+
+    /// Odd files of other projects: how many vertices, faces and triangles each gives, or the code of its first error.
+    #[test]
+    fn odd_files_load_in_order_or_are_refused() {
+        let Some(folder) = shared("obj_quirks") else { return };
+        let mut paths: Vec<PathBuf> = ["assimp", "trimesh", "ufbx"]
+            .iter()
+            .flat_map(|project| std::fs::read_dir(folder.join(project)).unwrap())
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|extension| extension == "obj"))
+            .collect();
+        paths.sort();
+        let mut summary = String::new();
+        for path in paths {
+            let bytes = std::fs::read(&path).unwrap();
+            let said = match read_bytes(&bytes) {
+                Ok(mesh) => {
+                    let is_vertex = |line: &&[u8]| line.trim_ascii_start().starts_with(b"v ");
+                    let lines = bytes.split(|byte| *byte == b'\n').filter(is_vertex).count();
+                    assert_eq!(mesh.positions.len(), lines, "{}", path.display());
+                    let triangles = mesh.triangulate();
+                    let wanted: usize = mesh.faces.iter().map(|face| face.corner_count as usize - 2).sum();
+                    assert_eq!(triangles.corners.len(), wanted, "{}", path.display());
+                    let parts = mesh.parts.len();
+                    format!("{lines} vertices, {} faces, {wanted} triangles, {parts} parts", mesh.faces.len())
+                }
+                Err(report) => format!("{}: {}", report[0].code, report[0].problem),
+            };
+            summary += &format!("{}: {said}\n", path.file_name().unwrap().to_string_lossy());
+        }
+        assert_eq!(summary, include_str!("odd_obj_files.txt"));
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+            let _ = read_bytes(&bytes);
+        }
+
+        #[test]
+        fn any_statements_are_read_or_refused(
+            statements in prop::collection::vec("(v|vt|f|g|o)( -?[0-9]{1,2}(/[0-9]?)?){0,7}( \\\\)?", 0..40)
+        ) {
+            if let Ok(mesh) = read_text(&statements.join("\n")) {
+                let triangles = mesh.triangulate();
+                let count = mesh.positions.len();
+                prop_assert!(triangles.corners.iter().flatten().all(|corner| (corner.vertex as usize) < count));
+            }
+        }
+    }
+}

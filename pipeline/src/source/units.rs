@@ -8,20 +8,15 @@ use std::fmt;
 
 /// A unit of length. Shaku, sun and bu are those of the kujira-jaku, the tailor's rule: 1 shaku = 10 sun = 100 bu =
 /// 37.88 cm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "toml::Value")]
 pub enum LengthUnit {
-    #[allow(missing_docs)]
     Mm,
-    #[allow(missing_docs)]
     Cm,
-    #[allow(missing_docs)]
     M,
-    #[allow(missing_docs)]
     Shaku,
-    #[allow(missing_docs)]
     Sun,
-    #[allow(missing_docs)]
     Bu,
 }
 
@@ -90,6 +85,37 @@ impl TryFrom<toml::Value> for Length {
         let unit = LengthUnit::ALL.into_iter().find(|known| known.name() == unit).ok_or(EXPECTED)?;
         Ok(Length { value, unit })
     }
+}
+
+impl TryFrom<toml::Value> for LengthUnit {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<LengthUnit, String> {
+        one_of("unit of length", &value, LengthUnit::ALL.map(|unit| (unit.name(), unit)))
+    }
+}
+
+impl JsonSchema for LengthUnit {
+    fn schema_name() -> Cow<'static, str> {
+        "LengthUnit".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": LengthUnit::ALL.map(LengthUnit::name) })
+    }
+}
+
+/// The one of several values that `value` names.
+pub(super) fn one_of<T: Copy>(
+    what: &str,
+    value: &toml::Value,
+    all: impl IntoIterator<Item = (&'static str, T)> + Clone,
+) -> Result<T, String> {
+    let found = all.clone().into_iter().find(|(name, _)| value.as_str() == Some(name));
+    found.map(|(_, one)| one).ok_or_else(|| {
+        let names: Vec<String> = all.into_iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        format!("{value} is no {what}; write {}", names.join(" or "))
+    })
 }
 
 impl JsonSchema for Length {
@@ -185,4 +211,52 @@ fn number_and_unit(value: &toml::Value) -> Option<(f64, &str)> {
     let (number, unit) = text.split_at_checked(unit_start)?;
     let number: f64 = number.trim_end().parse().ok()?;
     number.is_finite().then_some((number, unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn length(text: &str) -> Option<f64> {
+        Length::try_from(toml::Value::String(text.to_owned())).ok().map(Length::metres)
+    }
+
+    #[test]
+    fn lengths_as_artists_write_them() {
+        let check = |text, expected: f64| {
+            let metres = length(text).unwrap_or_else(|| panic!("{text}"));
+            assert!((metres - expected).abs() < 1e-12, "{text}: {metres}");
+        };
+        check("0.05 mm", 0.000_05);
+        check("8.712 cm", 0.087_12);
+        check("1.3 shaku", 0.492_44);
+        check("4sun", 0.151_52);
+        check("-5 bu", -0.018_94);
+        check("  2   m ", 2.0);
+        check("1e-3 m", 0.001);
+        for wrong in ["", "mm", "5", "5 inch", "1,5 cm", "nan m", "inf m", "5 mm mm", "5 MM"] {
+            assert_eq!(length(wrong), None, "{wrong}");
+        }
+        assert!(Length::try_from(toml::Value::Float(0.05)).is_err(), "a length without unit is ambiguous");
+    }
+
+    #[test]
+    fn ten_bu_are_a_sun_and_ten_sun_a_shaku() {
+        let check =
+            |ten: &str, one: &str| assert!((length(ten).unwrap() - length(one).unwrap()).abs() < 1e-15, "{ten}");
+        check("10 bu", "1 sun");
+        check("10 sun", "1 shaku");
+        check("37.88 cm", "1 shaku");
+    }
+
+    proptest! {
+        #[test]
+        fn written_lengths_and_angles_read_back(value in -1e6..1e6f64, unit in 0..LengthUnit::ALL.len(), is_deg: bool) {
+            let written = Length { value, unit: LengthUnit::ALL[unit] };
+            prop_assert_eq!(Length::try_from(toml::Value::String(written.to_string())), Ok(written));
+            let angle = Angle { value, unit: if is_deg { AngleUnit::Deg } else { AngleUnit::Rad } };
+            prop_assert_eq!(Angle::try_from(toml::Value::String(angle.to_string())), Ok(angle));
+        }
+    }
 }
