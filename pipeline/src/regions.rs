@@ -19,13 +19,13 @@ pub struct Settings {
     /// A vertex whose deltas have this root mean square is half believed, metres; what moves less says little about
     /// who moves it.
     pub believed_m: f32,
-    /// A driver that explains less than this share of a vertex does not own it.
+    /// A driver that explains less of a vertex than this share of what the strongest explains does not own it.
     pub least_share: f32,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { smoothing_m: 0.05, believed_m: 0.004, least_share: 0.02 }
+        Settings { smoothing_m: 0.08, believed_m: 0.004, least_share: 0.5 }
     }
 }
 
@@ -45,7 +45,7 @@ pub fn regions(
 ) -> Result<Vec<u16>, StageError> {
     match how {
         ir::Regions::Painted(masks) => Ok(painted(masks, base.positions_m.len())),
-        ir::Regions::Auto => grown(base, &squared_angles(drivers, bones, targets), deltas, settings),
+        ir::Regions::Auto => grown(base, &angles(drivers, bones, targets), deltas, settings),
     }
 }
 
@@ -62,17 +62,17 @@ fn painted(masks: &[Vec<f32>], vertex_count: usize) -> Vec<u16> {
 /// carries them to where hardly anything moves.
 fn grown(
     base: &Surface,
-    squared_angles: &[Vec<f64>],
+    angles: &[Vec<f64>],
     deltas: &[Vec<Vec3>],
     settings: &Settings,
 ) -> Result<Vec<u16>, StageError> {
     let vertex_count = base.positions_m.len();
-    let driver_count = squared_angles.len();
+    let driver_count = angles.len();
     let explained: Vec<Vec<f64>> = (0..vertex_count)
         .into_par_iter()
         .map(|v| {
-            let movement: Vec<f64> = deltas.iter().map(|delta| f64::from(delta[v].length_squared())).collect();
-            normalised(nonnegative_least_squares(squared_angles, &movement))
+            let movement: Vec<f64> = deltas.iter().map(|delta| f64::from(delta[v].length())).collect();
+            normalised(nonnegative_least_squares(angles, &movement))
         })
         .collect();
 
@@ -96,18 +96,19 @@ fn grown(
     let least = f64::from(settings.least_share);
     Ok((0..vertex_count)
         .flat_map(|v| {
-            let owned: Vec<f64> = smooth.iter().map(|mask| (mask[v] - least).max(0.0)).collect();
-            let anyone = owned.iter().any(|&share| share > 0.0);
-            shares(&if anyone { owned } else { vec![1.0; driver_count] })
+            let strongest = smooth.iter().map(|mask| mask[v]).fold(0.0, f64::max);
+            let owned: Vec<f64> = smooth.iter().map(|mask| (mask[v] - least * strongest).max(0.0)).collect();
+            // Where nothing ever moves, every driver is as good as any other.
+            shares(&if strongest > 0.0 { owned } else { vec![1.0; driver_count] })
         })
         .collect())
 }
 
-/// Per driver and target how far its joints turn from the T-pose: the sum of the squared angles, radians squared.
-fn squared_angles(drivers: &[Driver], bones: &[Bone], targets: &[TargetShape]) -> Vec<Vec<f64>> {
+/// Per driver and target how far its joints turn from the T-pose, radians: the root of the sum of the squared angles.
+fn angles(drivers: &[Driver], bones: &[Bone], targets: &[TargetShape]) -> Vec<Vec<f64>> {
     let of_target = |driver: &Driver, target: &TargetShape| {
         let turned = bones.iter().zip(&target.rotations).filter(|(bone, _)| driver.joints.contains(bone));
-        turned.map(|(_, &rotation)| angle_rad(rotation).powi(2)).sum()
+        turned.map(|(_, &rotation)| angle_rad(rotation).powi(2)).sum::<f64>().sqrt()
     };
     drivers.iter().map(|driver| targets.iter().map(|target| of_target(driver, target)).collect()).collect()
 }
@@ -168,7 +169,7 @@ pub fn remainders(
     deltas: &[Vec<Vec3>],
 ) -> Vec<Remainder> {
     let missing: Vec<f32> = masks.chunks(drivers.len().max(1)).map(missing_share).collect();
-    let angles = squared_angles(drivers, bones, targets);
+    let angles = angles(drivers, bones, targets);
     let mut worst: Vec<Remainder> = Vec::new();
     for (driver, angles) in drivers.iter().zip(&angles) {
         let turning = targets.iter().zip(deltas).zip(angles).filter(|&(_, &angle)| angle > 1e-6);
