@@ -48,6 +48,7 @@ pub fn compress(
         targets: garment.targets.iter().zip(&steps).map(|(t, steps)| target(&t.name, step_m, steps, &order)).collect(),
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
+        rbf: None,
     })
 }
 
