@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use kitsuke::skeleton::Pose;
-use kitsuke::{Frame, Garment, Rates, Scratch, evaluate, evaluate_with_rates};
+use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates, pose_blend};
 use std::io::{self, Write};
 
 /// A pose to show, and how its targets are chosen.
@@ -65,7 +65,10 @@ impl<'a> Stage<'a> {
     pub fn show(&mut self, shot: &Shot) -> (&[Vec3], &[Vec3]) {
         let frame = Frame { positions_m: &mut self.positions_m, normals: &mut self.normals };
         match shot.blend {
-            Blend::Paper => evaluate(self.garment, &shot.pose, &mut self.scratch, frame),
+            Blend::Paper => {
+                pose_blend::paper(self.garment, &shot.pose, &mut self.rates);
+                evaluate_with_rates(self.garment, &shot.pose, &self.rates, &mut self.scratch, frame);
+            }
             Blend::Alone(target) => {
                 self.rates.clear();
                 for driver in 0..self.garment.data().drivers.len() {

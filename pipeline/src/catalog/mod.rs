@@ -211,18 +211,9 @@ pub fn pack_path(catalog: &Path, id: &str) -> PathBuf {
     catalog.join("packs").join(format!("{id}.kitsuke"))
 }
 
-/// IDs of the garments to build, sorted: folders with a manifest, those whose names begin with `_` or `.` apart.
+/// IDs of the garments to build, sorted.
 fn garments(options: &Options) -> Result<Vec<String>, CatalogError> {
-    let io = |error| CatalogError::io(&options.assets, &error);
-    let mut all = Vec::new();
-    for entry in std::fs::read_dir(&options.assets).map_err(io)? {
-        let entry = entry.map_err(io)?;
-        let id = entry.file_name().to_string_lossy().into_owned();
-        if !id.starts_with(['_', '.']) && entry.path().join("garment.toml").exists() {
-            all.push(id);
-        }
-    }
-    all.sort();
+    let mut all = source::garment_ids(&options.assets).map_err(|error| CatalogError::io(&options.assets, &error))?;
     for id in &options.ids {
         if !all.contains(id) {
             let similar = source::closest(id, all.iter().map(String::as_str)).map(str::to_owned);
