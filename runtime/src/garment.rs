@@ -29,6 +29,8 @@ pub mod limits {
     pub const PARTS: usize = 256;
     /// Longest name, bytes.
     pub const NAME_BYTES: usize = 256;
+    /// Most joints in a chain of the default kernel.
+    pub const CHAIN: usize = 16;
     /// Largest width or scale of the default kernel.
     pub const RBF_WIDTH: f64 = 1e3;
     /// Largest coefficient of the default kernel, either sign.
@@ -550,6 +552,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
                 _ => return Err(InvalidGarment::GroupDriver { group: i, driver }),
             }
         }
+        check_count("joints in a chain", group.chain.len(), 1, limits::CHAIN)?;
         let distinct: BTreeSet<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
         let scale = |scale: f64| (0.0..=limits::RBF_WIDTH).contains(&scale);
         let sound = |joint: &ChainJoint| {
@@ -558,7 +561,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
                 && scale(joint.swing)
                 && scale(joint.twist)
         };
-        if group.chain.is_empty() || distinct.len() != group.chain.len() || !group.chain.iter().all(sound) {
+        if distinct.len() != group.chain.len() || !group.chain.iter().all(sound) {
             return Err(InvalidGarment::GroupChain(i));
         }
         let expected = (data.targets.len() + 1) * data.targets.len();

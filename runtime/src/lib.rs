@@ -3,14 +3,22 @@
 //! Open a pack once, then evaluate it for every frame:
 //!
 //! ```
-//! # fn show(bytes: &[u8], pose: &kitsuke::skeleton::Pose) -> Result<(), kitsuke::OpenError> {
-//! let pack = kitsuke::Pack::open(bytes)?;
+//! use glam::{Quat, Vec3};
+//! use kitsuke::skeleton::{Bone, Pose};
+//! use kitsuke::{Frame, Pack, Scratch, evaluate};
+//!
+//! # fn main() -> Result<(), kitsuke::OpenError> {
+//! # let bytes = include_bytes!("../../tests/packs/v1.kitsuke");
+//! let pack = Pack::open(bytes)?;
 //! let garment = pack.garment();
-//! let mut scratch = kitsuke::Scratch::new(garment);
-//! let mut positions_m = vec![glam::Vec3::ZERO; garment.vertex_count()];
+//! let mut scratch = Scratch::new(garment);
+//! let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
 //! let mut normals = positions_m.clone();
-//! let frame = kitsuke::Frame { positions_m: &mut positions_m, normals: &mut normals };
-//! kitsuke::evaluate(garment, pose, &mut scratch, frame);
+//!
+//! let arm_down = Pose::REST.with(Bone::LeftUpperArm, Quat::from_rotation_z(-1.2));
+//! evaluate(garment, &arm_down, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+//! # assert!(positions_m.iter().all(|position_m| position_m.y < 1.6));
+//! # assert!(positions_m.iter().any(|position_m| position_m.y < 1.2));
 //! # Ok(()) }
 //! ```
 //!

@@ -112,7 +112,11 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].drivers.push(2), "driver 2 of group 0 does not exist or is in two groups"),
     (|g| rbf(g).groups[0].drivers.push(1), "driver 1 of group 0 does not exist or is in two groups"),
     (|g| _ = rbf(g).groups[0].drivers.pop(), "driver 1 is in no group of the default kernel"),
-    (|g| rbf(g).groups[0].chain.clear(), CHAIN),
+    (|g| rbf(g).groups[0].chain.clear(), "there are 0 joints in a chain; 1 to 16 are possible"),
+    (
+        |g| rbf(g).groups[0].chain = vec![rbf(g).groups[0].chain[0]; limits::CHAIN + 1],
+        "there are 17 joints in a chain; 1 to 16 are possible",
+    ),
     (|g| rbf(g).groups[0].chain[1].bone = Bone::LeftUpperArm, CHAIN),
     (|g| rbf(g).groups[0].chain[1].bone = Bone::Spine, CHAIN),
     (|g| rbf(g).groups[0].chain[0].axis *= 1.1, CHAIN),

@@ -9,6 +9,7 @@ use kitsuke_tests::container::{Container, Section, for_each_damage};
 use kitsuke_tests::{random, small_garment};
 use proptest::prelude::*;
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 #[test]
@@ -20,16 +21,22 @@ fn the_small_garment_comes_back_exactly() {
     assert_eq!(write(&garment), pack, "the same garment gives the same bytes");
 }
 
-/// One pack of every released version stays in `packs/` and opens for ever.
+/// The small garment as version 1.0 wrote it. Stays and opens for ever, as one pack of every released version does.
+const V1: &[u8] = include_bytes!("../packs/v1.kitsuke");
+
 #[test]
 fn version_1_opens() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("packs/v1.kitsuke");
-    if std::env::var_os("KITSUKE_WRITE_PACKS").is_some() {
-        fs::write(&file, write(&small_garment())).unwrap();
-    }
-    let pack = Pack::open(&fs::read(&file).unwrap()).unwrap();
+    let pack = Pack::open(V1).unwrap();
     assert_eq!(pack.version(), (1, 0));
     assert_eq!(pack.garment().data(), small_garment().data());
+}
+
+#[test]
+#[ignore = "to be run once per version of the format, before its pack is committed"]
+fn write_the_pack_of_this_version() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("packs").join(format!("v{}.kitsuke", layout::MAJOR));
+    let mut file = fs::File::create_new(file).expect("released packs are never written again");
+    file.write_all(&write(&small_garment())).unwrap();
 }
 
 #[test]
@@ -53,7 +60,7 @@ fn the_container_is_as_specified() {
 
 /// What opening the small pack says after its container has been changed.
 fn refusal(change: impl FnOnce(&mut Container)) -> String {
-    let mut container = Container::of(&write(&small_garment()));
+    let mut container = Container::of(V1);
     change(&mut container);
     Pack::open(&container.to_pack()).unwrap_err().to_string()
 }
@@ -61,7 +68,7 @@ fn refusal(change: impl FnOnce(&mut Container)) -> String {
 #[test]
 fn sections_of_a_newer_minor_version_are_skipped() {
     let extra = Section { tag: *b"WXYZ", encoding: 77, decoded_length: u32::MAX, stored: vec![1, 2, 3] };
-    for place in [0, 3, 7] {
+    for place in [0, 3, layout::ALL.len()] {
         let mut container = Container::of(&write(&small_garment()));
         container.minor = layout::MINOR + 1;
         container.sections.insert(place, extra.clone());
@@ -99,7 +106,7 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(refusal(|container| drop(container.sections.remove(2))), @"the pack has no section MESH");
     insta::assert_snapshot!(
         refusal(|container| container.sections.push(container.sections[1].clone())),
-        @"section SKEL, byte 1552 of the pack: it occurs twice"
+        @"section SKEL, byte 1528 of the pack: it occurs twice"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].encoding = 9),
@@ -123,7 +130,7 @@ fn faulty_containers_are_refused() {
             container.section(b"SKEL").stored.push(0);
             container.section(b"SKEL").decoded_length += 1;
         }),
-        @"section SKEL, byte 57 of its content: 1 bytes are left over"
+        @"section SKEL, byte 57 of its content: bytes left over: 1"
     );
     insta::assert_snapshot!(
         refusal(|container| {
@@ -134,9 +141,8 @@ fn faulty_containers_are_refused() {
     );
 
     // What the container of the tests never writes.
-    let pack = write(&small_garment());
     let damage = |change: &dyn Fn(&mut Vec<u8>)| {
-        let mut pack = pack.clone();
+        let mut pack = V1.to_vec();
         change(&mut pack);
         Pack::open(&pack).unwrap_err()
     };
@@ -150,10 +156,10 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(damage(&|pack| pack[30] ^= 1), @"the pack is damaged: its checksum does not match");
     insta::assert_snapshot!(
         damage(&|pack| *pack.last_mut().unwrap() ^= 1),
-        @"section RBFS, byte 1352 of the pack: its checksum does not match: the pack is damaged"
+        @"section RBFS, byte 1328 of the pack: its checksum does not match: the pack is damaged"
     );
-    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 1522 bytes instead of 1521");
-    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 1522 bytes instead of 1521");
+    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 1498 bytes instead of 1497");
+    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 1498 bytes instead of 1497");
     insta::assert_snapshot!(
         repaired(&|pack| pack[second_offset] -= 8),
         @"section SKEL, byte 312 of the pack: it must begin at byte 320"
@@ -233,7 +239,7 @@ proptest! {
     /// Garbage in place of a section's content.
     #[test]
     fn garbage_in_a_section_does_not_panic(
-        section in 0..7usize,
+        section in 0..layout::ALL.len(),
         encoding in 0..2u32,
         decoded_length in 0..2000u32,
         stored in proptest::collection::vec(any::<u8>(), 0..400),

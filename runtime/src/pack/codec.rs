@@ -281,3 +281,64 @@ pub(super) fn encode(decoded: Vec<u8>) -> (Encoding, Vec<u8>) {
     let compressed = lz4_flex::block::compress(&decoded);
     if compressed.len() < decoded.len() { (Encoding::Lz4, compressed) } else { (Encoding::Raw, decoded) }
 }
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::*;
+
+    fn column<const WIDTH: usize>(values: &[u32]) -> Vec<u8> {
+        let mut writer = Writer::default();
+        writer.column::<WIDTH>(values.iter().copied());
+        writer.bytes
+    }
+
+    #[test]
+    fn columns_are_differences_zigzags_and_planes() {
+        assert_eq!(column::<1>(&[3, 2, 2, 255, 0]), [6, 1, 0, 5, 2]);
+        assert_eq!(column::<2>(&[0x0100, 0x00ff, 0xffff]), [0x00, 0x01, 0xff, 0x02, 0x00, 0x01]);
+        assert_eq!(column::<4>(&[1, u32::MAX]), [2, 3, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(column::<4>(&[]), []);
+    }
+
+    #[test]
+    fn columns_come_back() {
+        fn check<const WIDTH: usize>(values: &[u32]) {
+            let bytes = column::<WIDTH>(values);
+            assert_eq!(bytes.len(), WIDTH * values.len());
+            let mut reader = Reader::new(&bytes);
+            let column = reader.column::<WIDTH>(values.len()).unwrap();
+            assert_eq!(column.len(), values.len());
+            assert_eq!(column.collect::<Vec<_>>(), values);
+            assert_eq!(reader.finish(), Ok(()));
+        }
+        check::<1>(&[0, 255, 0, 127, 128, 1, 254]);
+        check::<2>(&[0, 0xffff, 0x7fff, 0x8000, 0xff, 0x100, 0]);
+        check::<4>(&[0, u32::MAX, 0x7fff_ffff, 0x8000_0000, 1, 0xffff, 0x1_0000]);
+    }
+
+    #[test]
+    fn nothing_is_read_beyond_the_end() {
+        let mut reader = Reader::new(&[1, 2, 3]);
+        assert_eq!(reader.u32(), Err(ContentProblem::Ends { needed: 4, left: 3 }));
+        assert_eq!(reader.column::<2>(2).err(), Some(ContentProblem::Ends { needed: 2, left: 1 }));
+        let mut reader = Reader::new(&[1, 0, b'a', 7]);
+        assert_eq!(reader.text().as_deref(), Ok("a"));
+        assert_eq!(reader.flag(), Err(ContentProblem::Flag(7)));
+        assert_eq!(Reader::new(&[1, 0, 0xff]).text(), Err(ContentProblem::Utf8));
+        assert_eq!(Reader::new(&[0xff; 2]).column::<4>(usize::MAX).err().map(|_| ()), Some(()));
+    }
+
+    #[test]
+    fn sections_decode_to_exactly_their_length() {
+        for content in [&b""[..], b"short", &[7; 100_000]] {
+            let (encoding, stored) = encode(content.to_vec());
+            assert!(stored.len() <= content.len());
+            assert!(content.len() <= encoding.longest_decoded(stored.len()));
+            assert_eq!(encoding.decode(&stored, content.len()).as_deref(), Some(content));
+            assert_eq!(encoding.decode(&stored, content.len() + 1), None);
+            if !content.is_empty() {
+                assert_eq!(encoding.decode(&stored, content.len() - 1), None);
+            }
+        }
+    }
+}

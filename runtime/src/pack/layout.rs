@@ -43,14 +43,14 @@
 //! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, bones of the pose table b |
 //! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
 //! | `MESH` | x, y, z of the positions, each a `column(v)` of `f32` bits; `flag` has uv, and if so u, v, each a `column(v + w)` of `f32` bits; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
-//! | `SKIN` | four `column(v)` of `u8` joints, then four `column(v)` of `u16` weights |
+//! | `SKIN` | four `column(v)` of `u8` joints, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
 //! | `RBFS` | `flag` has a default kernel, and if so: `f64` width, joint width and reach, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
 //!
-//! Units and ranges are those of [`GarmentData`](crate::garment::GarmentData) and its parts, checked by
-//! [`Garment::new`](crate::garment::Garment::new) on both sides.
+//! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
+//! on both sides.
 
 use super::codec::{Column, Reader};
 use super::{ContentProblem, OpenError};
@@ -298,10 +298,13 @@ pub(super) fn write_mesh(mesh: &Mesh, to: &mut Writer) {
 
 pub(super) fn read_skin(info: &Info, from: &mut Reader<'_>) -> Result<Vec<SkinWeights>, ContentProblem> {
     let mut joints = read_columns::<1, 4>(info.unique, from)?;
-    let mut weights = read_columns::<2, 4>(info.unique, from)?;
-    let skin = |_| SkinWeights {
-        joints: next(&mut joints).map(|joint| joint as u8),
-        weights: next(&mut weights).map(|weight| weight as u16),
+    let mut weights = read_columns::<2, 3>(info.unique, from)?;
+    let skin = |_| {
+        let joints = next(&mut joints).map(|joint| joint as u8);
+        let [b, c, d] = next(&mut weights).map(|weight| weight as u16);
+        // Weights beyond 65535 wrap here and then do not sum to it.
+        let first = u16::MAX.wrapping_sub(b).wrapping_sub(c).wrapping_sub(d);
+        SkinWeights { joints, weights: [first, b, c, d] }
     };
     Ok((0..info.unique).map(skin).collect())
 }
@@ -311,7 +314,7 @@ pub(super) fn write_skin(skin: &[SkinWeights], to: &mut Writer) {
     for place in 0..4 {
         to.column::<1>(skin.iter().map(|vertex| u32::from(vertex.joints[place])));
     }
-    for place in 0..4 {
+    for place in 1..4 {
         to.column::<2>(skin.iter().map(|vertex| u32::from(vertex.weights[place])));
     }
 }

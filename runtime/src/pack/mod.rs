@@ -42,7 +42,7 @@ impl Pack {
     /// Nothing in a pack, however wrong, makes it panic.
     ///
     /// # Memory
-    /// Opening n bytes never holds more than 3 × min(255 n, [`limits::DECODED_BYTES`]) + 1 MiB.
+    /// Opening n bytes never holds more than 3 × min(255 n, [`limits::DECODED_BYTES`]) + 2 MiB.
     pub fn open(bytes: &[u8]) -> Result<Pack, OpenError> {
         Pack::open_with_limit(bytes, limits::DECODED_BYTES)
     }
@@ -198,7 +198,7 @@ pub enum ContentProblem {
         left: usize,
     },
     /// It ends too late.
-    #[error("{0} bytes are left over")]
+    #[error("bytes left over: {0}")]
     LeftOver(usize),
     /// A count is above its limit.
     #[error("there are {count} {what}; at most {limit} are possible")]
