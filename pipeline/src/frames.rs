@@ -2,8 +2,9 @@
 //! the vertex order of the artist's base file. Knows no source file and no folder.
 
 use glam::Vec3;
+use kitsuke::pose_blend::{self, Kernel};
 use kitsuke::skeleton::Pose;
-use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates, pose_blend};
+use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates};
 use std::io::{self, Write};
 
 /// A pose to show, and how its targets are chosen.
@@ -20,8 +21,8 @@ pub struct Shot {
 /// How the targets of a [`Shot`] are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
-    /// By the paper's kernel (P0).
-    Paper,
+    /// By this kernel, from the pose.
+    Kernel(Kernel),
     /// This target alone at full rate; `None` is the base.
     Alone(Option<usize>),
 }
@@ -65,18 +66,15 @@ impl<'a> Stage<'a> {
     pub fn show(&mut self, shot: &Shot) -> (&[Vec3], &[Vec3]) {
         let frame = Frame { positions_m: &mut self.positions_m, normals: &mut self.normals };
         match shot.blend {
-            Blend::Paper => {
-                pose_blend::paper(self.garment, &shot.pose, &mut self.rates);
-                evaluate_with_rates(self.garment, &shot.pose, &self.rates, &mut self.scratch, frame);
-            }
+            Blend::Kernel(kernel) => pose_blend::rates(kernel, self.garment, &shot.pose, &mut self.rates),
             Blend::Alone(target) => {
                 self.rates.clear();
                 for driver in 0..self.garment.data().drivers.len() {
                     target.into_iter().for_each(|target| self.rates.set(driver, target, 1.0));
                 }
-                evaluate_with_rates(self.garment, &shot.pose, &self.rates, &mut self.scratch, frame);
             }
         }
+        evaluate_with_rates(self.garment, &shot.pose, &self.rates, &mut self.scratch, frame);
         (&self.positions_m, &self.normals)
     }
 }

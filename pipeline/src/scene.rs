@@ -6,7 +6,7 @@ use crate::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals}
 use glam::{Affine3A, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
-use kitsuke::skeleton::Pose;
+use kitsuke::skeleton::{Bone, Pose, Skeleton};
 
 const BACKGROUND: [u8; 3] = [236; 3];
 const CLOTH: [u8; 3] = [176, 178, 184];
@@ -47,7 +47,8 @@ pub struct Figure {
     normals: Vec<Vec3>,
     /// Colours per vertex, unless the cloth is drawn as it looks.
     colours: Option<Vec<[u8; 3]>>,
-    body: Option<(Vec<Vec3>, Vec<Vec3>)>,
+    /// Positions and normals of what stands round the cloth, as in the scene.
+    context: Vec<(Vec<Vec3>, Vec<Vec3>)>,
 }
 
 /// What is drawn: a garment and, where its sources can be read, texture, wearer and obi.
@@ -56,38 +57,54 @@ pub struct Scene<'a> {
     garment: &'a Garment,
     source: Option<&'a ir::Garment>,
     texture: Option<Texture>,
-    obi_normals: Vec<Vec3>,
+    context: Vec<Skinned<'a>>,
+}
+
+/// A surface that joints move, in one colour.
+#[derive(Clone, Debug)]
+struct Skinned<'a> {
+    skeleton: &'a Skeleton,
+    positions_m: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    /// Per vertex up to four joints and their weights.
+    skin: Vec<[(u8, f32); 4]>,
+    colour: [u8; 3],
 }
 
 impl<'a> Scene<'a> {
-    /// A garment with what it was made from. A texture that cannot be read is left out.
+    /// A garment with what it was made from. A texture that cannot be read is left out, and so are the wearer's legs
+    /// unless `with_legs`.
     #[must_use]
-    pub fn new(garment: &'a Garment, source: Option<&'a ir::Garment>) -> Scene<'a> {
+    pub fn new(garment: &'a Garment, source: Option<&'a ir::Garment>, with_legs: bool) -> Scene<'a> {
         let texture =
             source.and_then(|source| source.texture_png.as_deref()).and_then(|png| Texture::from_png(png).ok());
-        let obi = source.and_then(|source| source.obi.as_ref());
-        let obi_normals = obi.map(|obi| smooth_normals(&obi.positions_m, &obi.triangles)).unwrap_or_default();
         let texture = texture.filter(|_| garment.data().mesh.uv.len() == garment.vertex_count());
-        Scene { garment, source, texture, obi_normals }
+        let body = source.map(|source| wearer(&source.body, with_legs));
+        let obi = source.and_then(|source| source.obi.as_ref()).map(|obi| worn_over(garment, obi));
+        Scene { garment, source, texture, context: body.into_iter().chain(obi).collect() }
     }
 
     /// Poses kimono and wearer.
     #[must_use]
     pub fn figure(&self, stage: &mut Stage<'_>, shot: &Shot, colours: Colours) -> Figure {
         let (positions_m, normals) = stage.show(shot);
+        let posed = |surface: &Skinned<'_>| {
+            let positions_m = surface.posed(&shot.pose);
+            let normals = smooth_normals(&positions_m, &surface.triangles);
+            (positions_m, normals)
+        };
         Figure {
             colours: self.colours(shot, positions_m, colours),
             positions_m: positions_m.to_vec(),
             normals: normals.to_vec(),
-            body: self.source.map(|source| {
-                let positions_m = posed_body(&source.body, &shot.pose);
-                let normals = smooth_normals(&positions_m, &source.body.surface.triangles);
-                (positions_m, normals)
-            }),
+            context: self.context.iter().map(posed).collect(),
         }
     }
 
     /// Draws one figure, `height_px` high, so that everything in `bounds` is in the picture.
+    ///
+    /// # Panics
+    /// When the figure was posed by a scene of another garment.
     #[must_use]
     pub fn draw(&self, figure: &Figure, view: View, bounds: Bounds, height_px: u32) -> RgbImage {
         let mesh = &self.garment.data().mesh;
@@ -96,21 +113,21 @@ impl<'a> Scene<'a> {
             (None, Some(texture)) => Paint::Textured(texture, &mesh.uv),
             (None, None) => Paint::Plain(CLOTH),
         };
-        let mut shapes = vec![Shape {
+        let cloth = Shape {
             positions_m: &figure.positions_m,
             normals: &figure.normals,
             triangles: &mesh.triangles,
             paint,
             inside: figure.colours.is_none().then_some(LINING),
-        }];
-        if let (Some(source), Some((positions_m, normals))) = (self.source, &figure.body) {
-            let triangles = &source.body.surface.triangles;
-            shapes.push(Shape { positions_m, normals, triangles, paint: Paint::Plain(SKIN), inside: None });
-        }
-        if let Some(obi) = self.source.and_then(|source| source.obi.as_ref()) {
-            let (positions_m, normals, triangles) = (&obi.positions_m, &self.obi_normals, &obi.triangles);
-            shapes.push(Shape { positions_m, normals, triangles, paint: Paint::Plain(OBI), inside: None });
-        }
+        };
+        let context = self.context.iter().zip(&figure.context).map(|(surface, (positions_m, normals))| Shape {
+            positions_m,
+            normals,
+            triangles: &surface.triangles,
+            paint: Paint::Plain(surface.colour),
+            inside: None,
+        });
+        let shapes: Vec<Shape<'_>> = std::iter::once(cloth).chain(context).collect();
         let (camera, width_over_height) = bounds.camera(view);
         let width_px = (height_px as f32 * width_over_height).ceil().clamp(1.0, 8192.0) as u32;
         render(&shapes, &camera, [width_px, height_px], BACKGROUND)
@@ -171,9 +188,10 @@ impl Bounds {
     /// Round these figures.
     #[must_use]
     pub fn of(figures: &[Figure]) -> Bounds {
-        let body =
-            |figure: &Figure| figure.body.iter().flat_map(|(positions_m, _)| positions_m.clone()).collect::<Vec<_>>();
-        let points = figures.iter().flat_map(|figure| figure.positions_m.iter().copied().chain(body(figure)));
+        let points = figures.iter().flat_map(|figure| {
+            let context = figure.context.iter().flat_map(|(positions_m, _)| positions_m);
+            figure.positions_m.iter().chain(context).copied()
+        });
         let empty = Bounds { least_m: Vec3::INFINITY, most_m: Vec3::NEG_INFINITY };
         let all = points.fold(empty, |b, p| Bounds { least_m: b.least_m.min(p), most_m: b.most_m.max(p) });
         if all.least_m.is_finite() { all } else { Bounds { least_m: Vec3::ZERO, most_m: Vec3::ONE } }
@@ -197,14 +215,63 @@ impl Bounds {
     }
 }
 
-/// The wearer's surface in a pose, by linear blend skinning; metres.
-fn posed_body(body: &ir::Body, pose: &Pose) -> Vec<Vec3> {
-    let mut posed_from_rest = vec![Affine3A::IDENTITY; body.skeleton.joints().len()];
-    body.skeleton.posed_from_rest(pose, &mut posed_from_rest);
-    let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| {
-        weights.iter().map(|&(joint, w)| posed_from_rest[usize::from(joint)].transform_point3(*p) * w).sum()
+impl Skinned<'_> {
+    /// Positions in a pose by linear blend skinning, metres.
+    fn posed(&self, pose: &Pose) -> Vec<Vec3> {
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; self.skeleton.joints().len()];
+        self.skeleton.posed_from_rest(&pose.sanitised(), &mut posed_from_rest);
+        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| {
+            weights.iter().map(|&(joint, w)| posed_from_rest[usize::from(joint)].transform_point3(*p) * w).sum()
+        };
+        self.positions_m.iter().zip(&self.skin).map(posed).collect()
+    }
+}
+
+/// The body, on request without what the legs move.
+fn wearer(body: &ir::Body, with_legs: bool) -> Skinned<'_> {
+    const LEGS: [Bone; 8] = [
+        Bone::LeftUpperLeg,
+        Bone::LeftLowerLeg,
+        Bone::LeftFoot,
+        Bone::LeftToes,
+        Bone::RightUpperLeg,
+        Bone::RightLowerLeg,
+        Bone::RightFoot,
+        Bone::RightToes,
+    ];
+    let joints = body.skeleton.joints();
+    let is_leg = |&(joint, weight): &(u8, f32)| weight > 0.05 && LEGS.contains(&joints[usize::from(joint)].bone);
+    let is_drawn: Vec<bool> = body.skin.iter().map(|weights| with_legs || !weights.iter().any(is_leg)).collect();
+    // What is not drawn is dropped, so that it does not count for the size of the picture.
+    let drawn: Vec<usize> = (0..is_drawn.len()).filter(|&v| is_drawn[v]).collect();
+    let mut number = vec![0; is_drawn.len()];
+    drawn.iter().zip(0..).for_each(|(&v, i)| number[v] = i);
+    let triangles = body.surface.triangles.iter().filter(|triangle| triangle.iter().all(|&v| is_drawn[v as usize]));
+    Skinned {
+        skeleton: &body.skeleton,
+        triangles: triangles.map(|triangle| triangle.map(|v| number[v as usize])).collect(),
+        positions_m: drawn.iter().map(|&v| body.surface.positions_m[v]).collect(),
+        skin: drawn.iter().map(|&v| body.skin[v]).collect(),
+        colour: SKIN,
+    }
+}
+
+/// A band that moves with the cloth under it.
+fn worn_over<'a>(garment: &'a Garment, band: &ir::Surface) -> Skinned<'a> {
+    let data = garment.data();
+    let weights_under = |p: &Vec3| {
+        let distance = |v: &usize| data.mesh.positions_m[*v].distance_squared(*p);
+        let nearest = (0..garment.unique_count()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let skin = nearest.map(|v| data.skin[v]).unwrap_or_default();
+        std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0))
     };
-    body.surface.positions_m.iter().zip(&body.skin).map(posed).collect()
+    Skinned {
+        skeleton: &data.skeleton,
+        positions_m: band.positions_m.clone(),
+        triangles: band.triangles.clone(),
+        skin: band.positions_m.iter().map(weights_under).collect(),
+        colour: OBI,
+    }
 }
 
 /// A colour of its own for every small number.

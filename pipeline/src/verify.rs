@@ -7,6 +7,7 @@ use crate::ir;
 use crate::regions::missing_share;
 use glam::Vec3;
 use kitsuke::Pack;
+use kitsuke::pose_blend::Kernel;
 use rayon::prelude::*;
 
 /// What single precision adds to the budget, metres.
@@ -63,7 +64,7 @@ pub fn verify(
                     ));
                 }
             }
-            let paper = Shot { blend: Blend::Paper, ..alone.clone() };
+            let paper = Shot { blend: Blend::Kernel(Kernel::Paper), ..alone.clone() };
             let paper_m = in_source_order(garment, stage.show(&paper).0);
             Ok(TargetQuality {
                 name: target.name.clone(),

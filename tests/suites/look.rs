@@ -271,7 +271,7 @@ fn a_stage_blends_like_the_run_time() {
     let frame = Frame { positions_m: &mut positions_m, normals: &mut normals };
     evaluate(&garment, &pose, &mut Scratch::new(&garment), frame);
     let mut stage = Stage::new(&garment);
-    let shot = Shot { name: String::new(), pose, blend: Blend::Paper };
+    let shot = Shot { name: String::new(), pose, blend: Blend::Kernel(garment.kernel()) };
     assert_eq!(stage.show(&shot), (&positions_m[..], &normals[..]));
 }
 

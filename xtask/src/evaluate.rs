@@ -1,7 +1,7 @@
 //! `cargo xtask evaluate`: frames as OBJ or NPY, and how far they lie from the target files.
 
 use crate::places::{Places, write_whole};
-use crate::shots;
+use crate::shots::{self, KernelName};
 use clap::ValueEnum;
 use glam::Vec3;
 use kitsuke::Garment;
@@ -28,9 +28,9 @@ pub struct Args {
     /// Apply the recorded translation of the hips
     #[arg(long)]
     root_motion: bool,
-    /// How poses become blend rates
-    #[arg(long, default_value = "paper")]
-    kernel: Kernel,
+    /// How poses become blend rates [default: the garment's own kernel]
+    #[arg(long)]
+    kernel: Option<KernelName>,
     #[command(flatten)]
     places: Places,
 }
@@ -55,12 +55,6 @@ enum Format {
     Npy,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Kernel {
-    /// Inverse pose difference among the similar samples
-    Paper,
-}
-
 /// Writes the frames; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
     match evaluate(&args) {
@@ -75,19 +69,19 @@ pub fn run(args: Args) -> ExitCode {
 fn evaluate(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
     let garment = pack.garment();
-    let Kernel::Paper = args.kernel;
+    let kernel = KernelName::of(args.kernel, garment);
     let source = if args.frames.motion.is_none() { args.places.source(&garment.data().id) } else { None };
     // Each shot with the positions of the file that it stands for, if it stands for one.
     let mut wanted_m: Vec<Option<&[Vec3]>> = Vec::new();
     let shots: Vec<Shot> = match (&args.frames.poses, &args.frames.motion) {
         (Some(table), _) => {
-            let rows = shots::pose_table(table)?;
+            let rows = shots::pose_table(table, kernel)?;
             let file_m =
                 |row: &shots::Row| row.file.as_ref().and_then(|file| by_file(source.as_ref()?, file, &row.shot));
             wanted_m.extend(rows.iter().map(file_m));
             rows.into_iter().map(|row| row.shot).collect()
         }
-        (_, Some(motion)) => shots::motion(motion, garment, args.root_motion)?,
+        (_, Some(motion)) => shots::motion(motion, garment, kernel, args.root_motion)?,
         _ => {
             let base = source.iter().map(|source| Some(source.base.positions_m.as_slice()));
             let targets =

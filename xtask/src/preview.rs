@@ -2,7 +2,7 @@
 
 use crate::check::garment_ids;
 use crate::places::{Places, write_whole};
-use crate::shots;
+use crate::shots::{self, KernelName};
 use clap::ValueEnum;
 use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::scene::{Bounds, Colours, Figure, Scene, View};
@@ -25,6 +25,9 @@ pub struct Args {
     /// How many frames of the motion
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=500), requires = "motion")]
     frames: u16,
+    /// Draw the wearer's legs in motion as well; a stride shows through a skirt that has no targets for it
+    #[arg(long, requires = "motion")]
+    legs: bool,
     /// Draw only these poses of the kimono's pose table
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "motion")]
     only: Vec<String>,
@@ -37,9 +40,9 @@ pub struct Args {
     /// The distance from the target files that is drawn red, mm
     #[arg(long, value_name = "MM", default_value_t = 1.0)]
     red_at: f32,
-    /// Blend the targets by the paper's kernel instead of showing each alone
+    /// Blend by this kernel [default: each target alone; in motion the garment's own kernel]
     #[arg(long)]
-    blended: bool,
+    kernel: Option<KernelName>,
     /// Height of a picture, pixels
     #[arg(long, value_name = "PX", default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
     height: u32,
@@ -90,9 +93,10 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let garment = pack.garment();
     let id = &garment.data().id;
     let source = args.places.source(id);
-    let scene = Scene::new(garment, source.as_ref());
+    let scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
+    let kernel = KernelName::of(args.kernel, garment);
     let shots = match &args.motion {
-        Some(motion) => evenly(&shots::motion(motion, garment, false)?, usize::from(args.frames)),
+        Some(motion) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
         None => chosen(own_poses(garment), &args.only)?,
     };
     let colours = match args.colours {
@@ -105,7 +109,7 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let figures: Vec<Figure> = shots
         .iter()
         .map(|shot| {
-            let blend = if args.blended { Blend::Paper } else { shot.blend };
+            let blend = if args.kernel.is_some() { Blend::Kernel(kernel) } else { shot.blend };
             scene.figure(&mut stage, &Shot { blend, ..shot.clone() }, colours)
         })
         .collect();

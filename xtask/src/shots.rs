@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use kitsuke::Garment;
+use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::{Pose, bvh};
 use kitsuke_pipeline::diagnostic::{self, Diagnostic};
 use kitsuke_pipeline::frames::{Blend, Shot};
@@ -19,26 +20,26 @@ pub struct Row {
     pub file: Option<String>,
 }
 
-/// The rows of a pose table, blended by the paper's kernel. Only rotation columns are needed.
-pub fn pose_table(path: &Path) -> Result<Vec<Row>, String> {
+/// The rows of a pose table, blended by this kernel. Only rotation columns are needed.
+pub fn pose_table(path: &Path, kernel: Kernel) -> Result<Vec<Row>, String> {
     let mut report = Vec::new();
     let table = tables::read_rotations(&path.to_string_lossy(), &read(path)?, &mut report);
     let table = table.ok_or_else(|| said(&report))?;
     let row = |(i, (row, pose)): (usize, (&tables::PoseRow, Pose))| {
         let name = if row.name.is_empty() { format!("row_{i}") } else { row.name.clone() };
         let exists = !row.file.is_empty() && path.with_file_name("").join(&row.file).is_file();
-        Row { shot: Shot { name, pose, blend: Blend::Paper }, file: exists.then(|| row.file.clone()) }
+        Row { shot: Shot { name, pose, blend: Blend::Kernel(kernel) }, file: exists.then(|| row.file.clone()) }
     };
     Ok(table.rows.iter().zip(table.poses()).enumerate().map(row).collect())
 }
 
-/// The frames of a recorded motion on the garment's wearer, blended by the paper's kernel; the hips stay in place
+/// The frames of a recorded motion on the garment's wearer, blended by this kernel; the hips stay in place
 /// unless `root_motion`.
-pub fn motion(path: &Path, garment: &Garment, root_motion: bool) -> Result<Vec<Shot>, String> {
+pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, root_motion: bool) -> Result<Vec<Shot>, String> {
     let recording =
         bvh::read(&read(path)?, &garment.data().skeleton).map_err(|e| format!("{}: {e}", path.display()))?;
     let still = |pose: Pose| if root_motion { pose } else { Pose { hips_translation_m: Vec3::ZERO, ..pose } };
-    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Paper };
+    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Kernel(kernel) };
     Ok(recording.poses.into_iter().enumerate().map(shot).collect())
 }
 
@@ -55,4 +56,24 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
 /// Diagnostics as text, each with its snippet.
 pub fn said(report: &[Diagnostic]) -> String {
     diagnostic::render(report, Path::new(""), diagnostic::Format::Human { color: false })
+}
+
+/// A kernel by its name on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum KernelName {
+    /// The paper's: normalised inverse pose differences among the similar samples, driver by driver
+    Paper,
+    /// Exact at the samples and smooth between them
+    Rbf,
+}
+
+impl KernelName {
+    /// The named kernel, or the garment's own.
+    pub fn of(name: Option<KernelName>, garment: &Garment) -> Kernel {
+        match name {
+            Some(KernelName::Paper) => Kernel::Paper,
+            Some(KernelName::Rbf) => Kernel::Rbf,
+            None => garment.kernel(),
+        }
+    }
 }
