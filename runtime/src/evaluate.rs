@@ -5,7 +5,9 @@
 use crate::garment::{Garment, GarmentData, Segment, SkinWeights};
 use crate::pose_blend::{self, Rates};
 use crate::skeleton::Pose;
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
+use std::mem::size_of_val;
+use std::ops::Range;
 
 /// The caller's buffers for one frame, both [`Garment::vertex_count`] long: they can go to a GPU as they are.
 #[derive(Debug)]
@@ -24,8 +26,6 @@ pub struct Scratch {
     triangles: Vec<[u32; 3]>,
     /// The blended cloth before posing: x, y, z of every unique vertex, metres.
     blended_m: Vec<f32>,
-    /// Masks of a mixed block as factors, three times per vertex, driver by driver.
-    factors: Vec<f32>,
     posed_from_rest: Vec<Affine3A>,
     corners: Vec<Corner>,
 }
@@ -52,8 +52,9 @@ struct Piece {
     start: u32,
 }
 
-/// Vertices blended at a time: small enough that a block's sums and factors stay in the first-level cache.
-const BLOCK: usize = 512;
+/// Vertices blended at a time, a multiple of 4: their sums and masks stay in the first-level cache while target after
+/// target is added.
+const BLOCK: usize = 128;
 
 impl Scratch {
     /// Working memory for this garment.
@@ -61,7 +62,6 @@ impl Scratch {
     pub fn new(garment: &Garment) -> Scratch {
         let data = garment.data();
         let unique = data.mesh.positions_m.len();
-        let most_drivers = data.segments.iter().map(|segment| segment.drivers.len()).max().unwrap_or(0);
         let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
             Some(twin) => data.mesh.twin_of[twin],
             None => vertex,
@@ -71,7 +71,6 @@ impl Scratch {
             pieces: Pieces::new(data),
             triangles: data.mesh.triangles.iter().map(|corners| corners.map(original)).collect(),
             blended_m: vec![0.0; 3 * unique],
-            factors: vec![0.0; (most_drivers + 1) * 3 * BLOCK],
             posed_from_rest: vec![Affine3A::IDENTITY; data.skeleton.joints().len()],
             corners: vec![Corner::default(); unique],
         }
@@ -146,81 +145,92 @@ fn evaluate_sanitised(garment: &Garment, pose: &Pose, rates: &Rates, scratch: &m
 pub fn blend(garment: &Garment, rates: &Rates, scratch: &mut Scratch) {
     let data = garment.data();
     rates.assert_fits(garment);
-    let base: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
-    scratch.blended_m.copy_from_slice(base);
-    let mut rest = scratch.blended_m.as_mut_slice();
+    let base_m: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
+    let mut first = 0;
     for (number, segment) in data.segments.iter().enumerate() {
-        let (blended, after) = rest.split_at_mut(3 * segment.vertex_count as usize);
-        rest = after;
         let pieces = scratch.pieces.of(number);
-        if segment.masks.is_empty() {
-            blend_owned(data, segment, pieces, rates, blended);
-        } else {
-            blend_mixed(data, segment, pieces, rates, &mut scratch.factors, blended);
+        let count = segment.vertex_count as usize;
+        for row in (0..count).step_by(BLOCK) {
+            let rows = row..count.min(row + BLOCK);
+            let floats = 3 * (first + rows.start)..3 * (first + rows.end);
+            let mut sums_m = [[Vec4::ZERO; 3]; BLOCK / 4];
+            floats_of(&mut sums_m)[..floats.len()].copy_from_slice(&base_m[floats.clone()]);
+            // Most cloth has one to four drivers, and then each delta is touched once.
+            for column in (0..segment.drivers.len()).step_by(4) {
+                let add_deltas = match segment.drivers.len() - column {
+                    1 => add_deltas::<1>,
+                    2 => add_deltas::<2>,
+                    3 => add_deltas::<3>,
+                    _ => add_deltas::<4>,
+                };
+                add_deltas(data, segment, column, rows.clone(), pieces, rates, &mut sums_m);
+            }
+            let length = floats.len();
+            scratch.blended_m[floats].copy_from_slice(&floats_of(&mut sums_m)[..length]);
         }
+        first += count;
     }
 }
 
-/// A segment that one driver owns wholly.
-fn blend_owned(data: &GarmentData, segment: &Segment, pieces: &[Piece], rates: &Rates, blended: &mut [f32]) {
-    let [driver] = segment.drivers[..] else { return };
-    let rates = rates.driver(usize::from(driver));
-    for (number, block) in blended.chunks_mut(3 * BLOCK).enumerate() {
-        for piece in pieces {
-            let target = &data.targets[usize::from(piece.target)];
-            let scale_m = rates[usize::from(piece.target)] * target.step_m;
-            if scale_m == 0.0 {
-                continue;
-            }
-            let start = 3 * (piece.start as usize + number * BLOCK);
-            let deltas = &target.deltas.as_flattened()[start..start + block.len()];
-            for (sum, &delta) in block.iter_mut().zip(deltas) {
-                *sum += scale_m * f32::from(delta);
-            }
-        }
-    }
+/// The coordinates of four vertices: `x y z x`, `y z x y`, `z x y z`.
+type Four = [Vec4; 3];
+
+fn floats_of(sums_m: &mut [Four]) -> &mut [f32] {
+    bytemuck::cast_slice_mut(sums_m)
 }
 
-/// A segment that several drivers share, or that fades out.
-fn blend_mixed(
+/// Adds what `D` drivers, columns of the segment's masks, contribute to a block of its vertices.
+fn add_deltas<const D: usize>(
     data: &GarmentData,
     segment: &Segment,
+    column: usize,
+    rows: Range<usize>,
     pieces: &[Piece],
     rates: &Rates,
-    factors: &mut [f32],
-    blended: &mut [f32],
+    sums_m: &mut [Four],
 ) {
-    let drivers = segment.drivers.len();
-    let (coefficients, factors) = factors.split_at_mut(3 * BLOCK);
-    for (number, block) in blended.chunks_mut(3 * BLOCK).enumerate() {
-        let length = block.len();
-        let coefficients = &mut coefficients[..length];
-        let masks = &segment.masks[number * BLOCK * drivers..][..length / 3 * drivers];
-        for (d, factors) in factors.chunks_exact_mut(3 * BLOCK).take(drivers).enumerate() {
-            for (factor, row) in factors.chunks_exact_mut(3).zip(masks.chunks_exact(drivers)) {
-                factor.fill(f32::from(row[d]) * (1.0 / 65535.0));
-            }
-        }
-        for piece in pieces {
-            let target = &data.targets[usize::from(piece.target)];
-            let scale_m = |driver: u8| rates.driver(usize::from(driver))[usize::from(piece.target)] * target.step_m;
-            if segment.drivers.iter().all(|&driver| scale_m(driver) == 0.0) {
-                continue;
-            }
-            coefficients.fill(0.0);
-            for (&driver, factors) in segment.drivers.iter().zip(factors.chunks_exact(3 * BLOCK)) {
-                let scale_m = scale_m(driver);
-                for (coefficient, factor) in coefficients.iter_mut().zip(factors) {
-                    *coefficient += scale_m * factor;
-                }
-            }
-            let start = 3 * (piece.start as usize + number * BLOCK);
-            let deltas = &target.deltas.as_flattened()[start..start + length];
-            for ((sum, coefficient), &delta) in block.iter_mut().zip(coefficients.iter()).zip(deltas) {
-                *sum += coefficient * f32::from(delta);
+    let drivers: [usize; D] = std::array::from_fn(|d| usize::from(segment.drivers[column + d]));
+    // By four vertices, one lane each; in 1/65535, which the rates make up for.
+    let mut masks = [[Vec4::splat(65535.0); D]; BLOCK / 4];
+    if !segment.masks.is_empty() {
+        for (i, row) in rows.clone().enumerate() {
+            let row = &segment.masks[row * segment.drivers.len() + column..][..D];
+            for (mask, &unpacked) in masks[i / 4].iter_mut().zip(row) {
+                mask[i % 4] = f32::from(unpacked);
             }
         }
     }
+    for piece in pieces {
+        let target = &data.targets[usize::from(piece.target)];
+        let rates = drivers.map(|driver| rates.driver(driver)[usize::from(piece.target)]);
+        if rates == [0.0; D] {
+            continue;
+        }
+        let rates_m = rates.map(|rate| Vec4::splat(rate * (target.step_m / 65535.0)));
+        let start = piece.start as usize;
+        let (fours, rest) = target.deltas[start + rows.start..start + rows.end].as_flattened().as_chunks();
+        for ((sums_m, masks), deltas) in sums_m.iter_mut().zip(&masks).zip(fours) {
+            add_four(sums_m, masks, &rates_m, deltas);
+        }
+        if !rest.is_empty() {
+            let mut deltas = [0; 12];
+            deltas[..rest.len()].copy_from_slice(rest);
+            add_four(&mut sums_m[fours.len()], &masks[fours.len()], &rates_m, &deltas);
+        }
+    }
+}
+
+/// Adds one target's deltas to four vertices.
+#[inline(always)]
+fn add_four<const D: usize>(sums_m: &mut Four, masks: &[Vec4; D], rates_m: &[Vec4; D], deltas: &[i16; 12]) {
+    let mut step_m = masks[0] * rates_m[0];
+    for d in 1..D {
+        step_m += masks[d] * rates_m[d];
+    }
+    let [a, b, c, d, e, f, g, h, i, j, k, l] = deltas.map(f32::from);
+    sums_m[0] += step_m.xxxy() * Vec4::new(a, b, c, d);
+    sums_m[1] += step_m.yyzz() * Vec4::new(e, f, g, h);
+    sums_m[2] += step_m.zwww() * Vec4::new(i, j, k, l);
 }
 
 /// Step 2: linear blend skinning of the blended cloth by a sanitised pose.
@@ -289,4 +299,25 @@ pub fn twins(garment: &Garment, frame: Frame<'_>) {
     for (twin, &original) in twins.iter_mut().zip(&mesh.twin_of) {
         *twin = originals[original as usize];
     }
+}
+
+/// Bytes that a frame with these rates reads and writes, each array counted once: what memory at least has to deliver.
+#[must_use]
+pub fn bytes_touched(garment: &Garment, rates: &Rates, scratch: &Scratch) -> usize {
+    let data = garment.data();
+    let (mesh, segments) = (&data.mesh, data.segments.iter().enumerate());
+    let blended = segments.map(|(number, segment)| {
+        let count = segment.vertex_count as usize;
+        let active = scratch.pieces.of(number).iter().filter(|piece| {
+            let rate = |&driver: &u8| rates.driver(usize::from(driver))[usize::from(piece.target)];
+            segment.drivers.iter().any(|driver| rate(driver) != 0.0)
+        });
+        active.count() * count * size_of::<[i16; 3]>() + size_of_val(segment.masks.as_slice())
+    });
+    let vertices = size_of_val(mesh.positions_m.as_slice())
+        + size_of_val(data.skin.as_slice())
+        + size_of_val(scratch.blended_m.as_slice())
+        + size_of_val(scratch.corners.as_slice());
+    let frame = garment.vertex_count() * 2 * size_of::<Vec3>() + size_of_val(mesh.twin_of.as_slice());
+    blended.sum::<usize>() + vertices + size_of_val(scratch.triangles.as_slice()) + frame
 }

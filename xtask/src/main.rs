@@ -1,5 +1,6 @@
 //! `cargo xtask <verb>`: one file per verb.
 
+mod bench;
 mod build_catalog;
 mod check;
 mod ci;
@@ -17,6 +18,7 @@ use std::process::ExitCode;
 #[derive(clap::Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
+    Bench(bench::Args),
     BuildCatalog(build_catalog::Args),
     Check(check::Args),
     Ci(ci::Args),
@@ -28,6 +30,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     match Verb::parse() {
+        Verb::Bench(args) => bench::run(args),
         Verb::BuildCatalog(args) => build_catalog::run(args),
         Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),

@@ -19,6 +19,12 @@ pub struct Places {
 impl Places {
     /// Opens the pack of an ID, or the pack at a path.
     pub fn open(&self, id_or_path: &str) -> Result<Pack, String> {
+        let (path, bytes) = self.read_pack(id_or_path)?;
+        Pack::open(&bytes).map_err(|error| format!("{} cannot be opened: {error}", path.display()))
+    }
+
+    /// The path and the bytes of the pack of an ID, or of the pack at a path.
+    pub fn read_pack(&self, id_or_path: &str) -> Result<(PathBuf, Vec<u8>), String> {
         let path = match Path::new(id_or_path) {
             path if path.is_file() => path.to_owned(),
             _ => catalog::pack_path(&self.catalog, id_or_path),
@@ -29,7 +35,7 @@ impl Places {
             }
             _ => format!("cannot read {}: {error}", path.display()),
         })?;
-        Pack::open(&bytes).map_err(|error| format!("{} cannot be opened: {error}", path.display()))
+        Ok((path, bytes))
     }
 
     /// What a garment was made from; `None`, with a printed line, where that cannot be read.

@@ -1,0 +1,253 @@
+//! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
+
+use crate::places::{Places, write_whole};
+use glam::Vec3;
+use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
+use kitsuke::skeleton::{Pose, bvh};
+use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, pose_blend};
+use kitsuke_pipeline::catalog::{self, Mode, Options};
+use serde_json::{Map, Value, json};
+use std::fs;
+use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Measure frames, opening and building on this machine
+#[derive(clap::Args)]
+pub struct Args {
+    /// A kimono's ID
+    #[arg(value_name = "ID", default_value = "komon")]
+    garment: String,
+    /// Also write the figures as one flat JSON object
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// The recorded motion whose frames are measured
+    #[arg(long, value_name = "FILE.bvh", default_value = "assets-src/motions/two_arms.bvh")]
+    motion: PathBuf,
+    #[command(flatten)]
+    places: Places,
+}
+
+/// How often the motion is played; a frame's time is the median of its times.
+const PASSES: usize = 9;
+/// How often the pack is opened, and the dense loop run.
+const REPEATS: usize = 51;
+/// What is copied to measure memory: far more than any cache holds.
+const COPIED_BYTES: usize = 256 << 20;
+
+/// Measures; 1 when something cannot be read or written.
+pub fn run(args: Args) -> ExitCode {
+    match bench(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn bench(args: &Args) -> Result<(), String> {
+    let pack = args.places.open(&args.garment)?;
+    let garment = pack.garment();
+    let motion = fs::read(&args.motion).map_err(|error| format!("cannot read {}: {error}", args.motion.display()))?;
+    let motion =
+        bvh::read(&motion, &garment.data().skeleton).map_err(|error| format!("{}: {error}", args.motion.display()))?;
+
+    let mut figures = Map::new();
+    let mut note = |key: &str, value: Value| drop(figures.insert(key.to_owned(), value));
+    let frames = measure_frames(garment, &motion.poses);
+    note("frame_us_median", json!(rounded(frames.median(|frame| frame.whole_us))));
+    note("frame_us_p99", json!(rounded(quantile(frames.all(|frame| frame.whole_us), 0.99))));
+    note("frame_rates_us", json!(rounded(frames.median(|frame| frame.rates_us))));
+    note("frame_blend_us", json!(rounded(frames.median(|frame| frame.blend_us))));
+    note("frame_skin_us", json!(rounded(frames.median(|frame| frame.skin_us))));
+    note("frame_normals_us", json!(rounded(frames.median(|frame| frame.normals_us))));
+    note("dense_f32_blend_us", json!(rounded(dense_f32_blend_us(garment))));
+    note("frame_active_targets_median", json!(frames.median(|frame| frame.active_targets) as u64));
+    note("frame_bytes_touched", json!(frames.median(|frame| frame.bytes_touched) as u64));
+    note("memory_gbps", json!(rounded(memory_gbps())));
+    note("vertices", json!(garment.unique_count()));
+    note("triangles", json!(garment.triangle_count()));
+    note("targets", json!(garment.data().targets.len()));
+    let (_, bytes) = args.places.read_pack(&args.garment)?;
+    note("open_ms_median", json!(rounded(open_ms(&bytes))));
+    note("pack_bytes", json!(bytes.len()));
+    let targets = pack.sections().iter().find(|section| section.tag.0 == *b"TGTS");
+    note("pack_target_bytes", json!(targets.map_or(0, |section| section.stored_length)));
+    let (clean_s, noop_s) = build_s(&args.places.assets)?;
+    note("build_clean_s", json!(rounded(clean_s)));
+    note("build_noop_ms", json!(rounded(noop_s * 1e3)));
+
+    for (key, value) in &figures {
+        println!("{key:<28} {value:>12}");
+    }
+    if let Some(path) = &args.json {
+        write_whole(path, |out| writeln!(out, "{:#}", Value::Object(figures)))?;
+    }
+    Ok(())
+}
+
+/// One frame's times, each the median over the passes, microseconds.
+struct FrameFigures {
+    whole_us: f64,
+    rates_us: f64,
+    blend_us: f64,
+    skin_us: f64,
+    normals_us: f64,
+    active_targets: f64,
+    bytes_touched: f64,
+}
+
+struct Frames(Vec<FrameFigures>);
+
+impl Frames {
+    fn all(&self, figure: impl Fn(&FrameFigures) -> f64) -> Vec<f64> {
+        self.0.iter().map(figure).collect()
+    }
+
+    fn median(&self, figure: impl Fn(&FrameFigures) -> f64) -> f64 {
+        median(self.all(figure))
+    }
+}
+
+/// Plays the motion several times: whole frames first, then step by step.
+fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
+    let mut scratch = Scratch::new(garment);
+    let mut rates = Rates::new(garment);
+    let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+    let mut unit_normals = positions_m.clone();
+    let mut times_us = vec![[const { Vec::new() }; 5]; poses.len()];
+    for _ in 0..PASSES {
+        for (pose, times_us) in poses.iter().zip(&mut times_us) {
+            let frame = Frame { positions_m: &mut positions_m, normals: &mut unit_normals };
+            times_us[0].push(microseconds(|| evaluate(garment, black_box(pose), &mut scratch, frame)));
+        }
+        for (pose, times_us) in poses.iter().zip(&mut times_us) {
+            times_us[1]
+                .push(microseconds(|| pose_blend::rates(garment.kernel(), garment, black_box(pose), &mut rates)));
+            times_us[2].push(microseconds(|| blend(garment, &rates, &mut scratch)));
+            times_us[3].push(microseconds(|| skin(garment, pose, &mut scratch, &mut positions_m)));
+            times_us[4].push(microseconds(|| normals(&mut scratch, &mut unit_normals)));
+            twins(garment, Frame { positions_m: &mut positions_m, normals: &mut unit_normals });
+        }
+        black_box((&positions_m, &unit_normals));
+    }
+    let figures = poses.iter().zip(times_us).map(|(pose, times_us)| {
+        let [whole_us, rates_us, blend_us, skin_us, normals_us] = times_us.map(median);
+        pose_blend::rates(garment.kernel(), garment, pose, &mut rates);
+        let active_targets = (0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count() as f64;
+        let bytes_touched = bytes_touched(garment, &rates, &scratch) as f64;
+        FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, active_targets, bytes_touched }
+    });
+    Frames(figures.collect())
+}
+
+/// The plainest way to blend, for comparison: every target dense in single precision, one rate each, no regions.
+fn dense_f32_blend_us(garment: &Garment) -> f64 {
+    let data = garment.data();
+    let base: Vec<f32> = data.mesh.positions_m.iter().flat_map(|position_m| position_m.to_array()).collect();
+    let firsts: Vec<usize> = data
+        .segments
+        .iter()
+        .scan(0, |end, segment| {
+            let first = *end;
+            *end += segment.vertex_count as usize;
+            Some(first)
+        })
+        .collect();
+    let dense = |target: &kitsuke::garment::Target| {
+        let mut dense = vec![0.0; base.len()];
+        let mut deltas = target.deltas.as_flattened().iter();
+        for &segment in &target.segments {
+            let first = 3 * firsts[usize::from(segment)];
+            let count = 3 * data.segments[usize::from(segment)].vertex_count as usize;
+            for (value, &delta) in dense[first..first + count].iter_mut().zip(&mut deltas) {
+                *value = f32::from(delta) * target.step_m;
+            }
+        }
+        dense
+    };
+    let targets: Vec<Vec<f32>> = data.targets.iter().map(dense).collect();
+    let mut blended = base.clone();
+    let times_us = (0..REPEATS).map(|_| {
+        microseconds(|| {
+            blended.copy_from_slice(&base);
+            for target in &targets {
+                let rate = black_box(0.05_f32);
+                for (sum, delta) in blended.iter_mut().zip(target) {
+                    *sum += rate * delta;
+                }
+            }
+            black_box(&mut blended);
+        })
+    });
+    median(times_us.collect())
+}
+
+/// Bytes read and written per second by one core's copy, in 10⁹.
+fn memory_gbps() -> f64 {
+    let from = vec![1_u8; COPIED_BYTES];
+    let mut to = vec![2_u8; COPIED_BYTES];
+    let times_us = (0..5).map(|_| {
+        microseconds(|| {
+            to.copy_from_slice(black_box(&from));
+            black_box(&mut to);
+        })
+    });
+    2.0 * COPIED_BYTES as f64 / (median(times_us.collect()) * 1e3)
+}
+
+fn open_ms(pack: &[u8]) -> f64 {
+    let times_us = (0..REPEATS).map(|_| microseconds(|| black_box(Pack::open(black_box(pack)).is_ok())));
+    median(times_us.collect()) / 1e3
+}
+
+/// Builds the whole catalog twice into an empty folder: everything, then nothing.
+fn build_s(assets: &Path) -> Result<(f64, f64), String> {
+    let folder = std::env::temp_dir().join(format!("kitsuke-bench-{}", std::process::id()));
+    let options = Options {
+        assets: assets.to_owned(),
+        catalog: folder.join("catalog"),
+        cache: folder.join("cache"),
+        ids: Vec::new(),
+        mode: Mode::Write,
+        emit: None,
+    };
+    let build = || -> Result<f64, String> {
+        let begin = Instant::now();
+        let report = catalog::build(&options, &catalog::Silent).map_err(|error| error.to_string())?;
+        let elapsed_s = begin.elapsed().as_secs_f64();
+        if report.is_complete() {
+            Ok(elapsed_s)
+        } else {
+            Err("the catalog cannot be built: run cargo xtask build-catalog".to_owned())
+        }
+    };
+    let times = build().and_then(|clean_s| Ok((clean_s, build()?)));
+    // Nothing was built where the folder is missing.
+    let _ = fs::remove_dir_all(&folder);
+    times
+}
+
+fn microseconds<T>(run: impl FnOnce() -> T) -> f64 {
+    let begin = Instant::now();
+    run();
+    begin.elapsed().as_secs_f64() * 1e6
+}
+
+fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value below which this share of the values lies; 0 of none.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let place = (values.len().saturating_sub(1) as f64 * share).round() as usize;
+    values.get(place).copied().unwrap_or(0.0)
+}
+
+/// To a thousandth: finer is noise.
+fn rounded(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3
+}
