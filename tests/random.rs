@@ -10,7 +10,7 @@ pub struct Numbers(pub u64);
 
 impl Numbers {
     /// Any number.
-    pub fn next(&mut self) -> u64 {
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -20,12 +20,12 @@ impl Numbers {
 
     /// In `0..end`.
     pub fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
+        (self.bits() % end as u64) as usize
     }
 
     /// In -1..1.
     pub fn signed(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1 << 23) as f32 - 1.0
+        (self.bits() >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
 
     /// Coordinates in -1..1.
@@ -85,7 +85,7 @@ pub fn garment(seed: u64) -> Garment {
         .map(|i| {
             let moved: Vec<u16> = (0..segments.len() as u16).filter(|_| n.below(3) > 0).collect();
             let count = moved.iter().map(|&s| segments[usize::from(s)].vertex_count as usize).sum();
-            let deltas = (0..count).map(|_| [0; 3].map(|_: i16| n.next() as i16)).collect();
+            let deltas = (0..count).map(|_| [0; 3].map(|_: i16| n.bits() as i16)).collect();
             Target { name: format!("target{i}"), step_m: 1e-6 + 1e-5 * n.signed().abs(), segments: moved, deltas }
         })
         .collect();

@@ -64,7 +64,7 @@ const BROKEN: &[(Change, &str)] = &[
         "the threshold of driver 0 must be above 0 and at most π times the root of its joint count",
     ),
     (
-        |g| g.drivers[0].threshold_rad = 3.1416,
+        |g| g.drivers[0].threshold_rad = PI * 1.0001,
         "the threshold of driver 0 must be above 0 and at most π times the root of its joint count",
     ),
     (|g| g.drivers = vec![g.drivers[0].clone(); limits::DRIVERS + 1], "there are 33 drivers; 0 to 32 are possible"),
