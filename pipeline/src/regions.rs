@@ -231,7 +231,8 @@ mod tests {
             positions_m: base.positions_m.clone(),
         };
         let targets = vec![target(vec![turn, Quat::IDENTITY]), target(vec![Quat::IDENTITY, turn])];
-        let moved = |from, to| (0..2 * n).map(|v| if (from..to).contains(&v) { Vec3::Y * 0.1 } else { Vec3::ZERO });
+        let moved =
+            |from, to| (0..2 * n).map(move |v| if (from..to).contains(&v) { Vec3::Y * 0.1 } else { Vec3::ZERO });
         let deltas = vec![moved(0, 30).collect(), moved(50, 80).collect()];
         (base, drivers, targets, deltas)
     }
@@ -259,7 +260,7 @@ mod tests {
         let (base, drivers, targets, deltas) = strip();
         let mut left = vec![1.0; 80];
         left[3] = 0.25;
-        let how = ir::Regions::Painted(vec![left, vec![1.0; 80].iter().map(|_: &f32| 0.0).collect()]);
+        let how = ir::Regions::Painted(vec![left, vec![0.0; 80]]);
         let masks = regions(&base, &how, &drivers, &BONES, &targets, &deltas, &Settings::default()).unwrap();
         let lost = remainders(&masks, &drivers, &BONES, &targets, &deltas);
         assert_eq!(lost.len(), 1, "{lost:?}");
