@@ -62,10 +62,10 @@ const BONES: [(Bone, Option<u8>); 7] = [
 pub fn garment(seed: u64) -> Garment {
     let n = &mut Numbers(seed);
     let joints = BONES.map(|(bone, parent)| Joint { bone, parent, rest_m: n.vector() });
-    let drivers: Vec<Driver> = (0..n.below(4))
+    let drivers: Vec<Driver> = (0..n.below(7))
         .map(|i| Driver {
             name: format!("driver{i}"),
-            joints: BONES[i..=i + n.below(3)].iter().map(|&(bone, _)| bone).collect(),
+            joints: BONES[i..=(i + n.below(3)).min(BONES.len() - 1)].iter().map(|&(bone, _)| bone).collect(),
             threshold_rad: 0.5 + 2.0 * (n.signed() + 1.0) / 2.0,
         })
         .collect();

@@ -18,12 +18,10 @@ pub struct Frame<'a> {
     pub normals: &'a mut [Vec3],
 }
 
-/// Working memory for the frames of one garment; holds nothing from one frame to the next.
+/// Working memory for the frames of one garment; no frame depends on what the one before left in it.
 #[derive(Clone, Debug)]
 pub struct Scratch {
     rates: Rates,
-    pieces: Pieces,
-    triangles: Vec<[u32; 3]>,
     /// The blended cloth before posing: x, y, z of every unique vertex, metres.
     blended_m: Vec<f32>,
     posed_from_rest: Vec<Affine3A>,
@@ -37,14 +35,17 @@ struct Corner {
     normal: Vec3A,
 }
 
-/// Which targets move each segment, and where their deltas lie: the targets' own lists, seen from the segments.
+/// What evaluation derives once from a garment's arrays.
 #[derive(Clone, Debug)]
-struct Pieces {
-    /// The pieces of segment `s` are `of_segment[s]..of_segment[s + 1]`.
+pub(crate) struct Plan {
+    /// Which targets move each segment: the pieces of segment `s` are `of_segment[s]..of_segment[s + 1]`.
     of_segment: Vec<u32>,
     pieces: Vec<Piece>,
+    /// Triangles over the unique vertices, so that normals are smooth across seams.
+    triangles: Vec<[u32; 3]>,
 }
 
+/// A target's deltas in one segment.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     target: u16,
@@ -56,35 +57,9 @@ struct Piece {
 /// target is added.
 const BLOCK: usize = 128;
 
-impl Scratch {
-    /// Working memory for this garment.
-    #[must_use]
-    pub fn new(garment: &Garment) -> Scratch {
-        let data = garment.data();
-        let unique = data.mesh.positions_m.len();
-        let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
-            Some(twin) => data.mesh.twin_of[twin],
-            None => vertex,
-        };
-        Scratch {
-            rates: Rates::new(garment),
-            pieces: Pieces::new(data),
-            triangles: data.mesh.triangles.iter().map(|corners| corners.map(original)).collect(),
-            blended_m: vec![0.0; 3 * unique],
-            posed_from_rest: vec![Affine3A::IDENTITY; data.skeleton.joints().len()],
-            corners: vec![Corner::default(); unique],
-        }
-    }
-
-    /// The rates that the last [`evaluate`] used.
-    #[must_use]
-    pub fn rates(&self) -> &Rates {
-        &self.rates
-    }
-}
-
-impl Pieces {
-    fn new(data: &GarmentData) -> Pieces {
+impl Plan {
+    /// Of checked arrays.
+    pub(crate) fn new(data: &GarmentData) -> Plan {
         let mut by_segment = vec![Vec::new(); data.segments.len()];
         for (number, target) in data.targets.iter().enumerate() {
             let mut start = 0;
@@ -98,11 +73,36 @@ impl Pieces {
         for pieces in &by_segment {
             of_segment.push(of_segment[of_segment.len() - 1] + pieces.len() as u32);
         }
-        Pieces { of_segment, pieces: by_segment.concat() }
+        let unique = data.mesh.positions_m.len();
+        let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
+            Some(twin) => data.mesh.twin_of[twin],
+            None => vertex,
+        };
+        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        Plan { of_segment, pieces: by_segment.concat(), triangles }
     }
 
-    fn of(&self, segment: usize) -> &[Piece] {
+    fn pieces(&self, segment: usize) -> &[Piece] {
         &self.pieces[self.of_segment[segment] as usize..self.of_segment[segment + 1] as usize]
+    }
+}
+
+impl Scratch {
+    /// Working memory for this garment, or any other with as many vertices, joints, drivers and targets.
+    #[must_use]
+    pub fn new(garment: &Garment) -> Scratch {
+        Scratch {
+            rates: Rates::new(garment),
+            blended_m: vec![0.0; 3 * garment.unique_count()],
+            posed_from_rest: vec![Affine3A::IDENTITY; garment.data().skeleton.joints().len()],
+            corners: vec![Corner::default(); garment.unique_count()],
+        }
+    }
+
+    /// The rates that the last [`evaluate`] used.
+    #[must_use]
+    pub fn rates(&self) -> &Rates {
+        &self.rates
     }
 }
 
@@ -134,7 +134,7 @@ fn evaluate_sanitised(garment: &Garment, pose: &Pose, rates: &Rates, scratch: &m
     assert_eq!(frame.normals.len(), garment.vertex_count(), "one normal per vertex");
     blend(garment, rates, scratch);
     skin(garment, pose, scratch, frame.positions_m);
-    normals(scratch, frame.normals);
+    normals(garment, scratch, frame.normals);
     twins(garment, frame);
 }
 
@@ -148,7 +148,7 @@ pub fn blend(garment: &Garment, rates: &Rates, scratch: &mut Scratch) {
     let base_m: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
     let mut first = 0;
     for (number, segment) in data.segments.iter().enumerate() {
-        let pieces = scratch.pieces.of(number);
+        let pieces = garment.plan().pieces(number);
         let count = segment.vertex_count as usize;
         for row in (0..count).step_by(BLOCK) {
             let rows = row..count.min(row + BLOCK);
@@ -270,10 +270,11 @@ fn blended_transform(posed_from_rest: &[Affine3A], weights: &SkinWeights) -> Aff
 /// that has no direction, +Y.
 ///
 /// # Panics
-/// When `normals` is shorter than the unique vertices.
-pub fn normals(scratch: &mut Scratch, normals: &mut [Vec3]) {
+/// When `normals` is shorter than the unique vertices, or `scratch` was made for a garment of another shape.
+pub fn normals(garment: &Garment, scratch: &mut Scratch, normals: &mut [Vec3]) {
     let corners = scratch.corners.as_mut_slice();
-    for &[a, b, c] in &scratch.triangles {
+    let normals = &mut normals[..corners.len()];
+    for &[a, b, c] in &garment.plan().triangles {
         let [a, b, c] = [a as usize, b as usize, c as usize];
         let origin = corners[a].position_m;
         let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
@@ -303,21 +304,21 @@ pub fn twins(garment: &Garment, frame: Frame<'_>) {
 
 /// Bytes that a frame with these rates reads and writes, each array counted once: what memory at least has to deliver.
 #[must_use]
-pub fn bytes_touched(garment: &Garment, rates: &Rates, scratch: &Scratch) -> usize {
+pub fn bytes_touched(garment: &Garment, rates: &Rates) -> usize {
     let data = garment.data();
     let (mesh, segments) = (&data.mesh, data.segments.iter().enumerate());
     let blended = segments.map(|(number, segment)| {
         let count = segment.vertex_count as usize;
-        let active = scratch.pieces.of(number).iter().filter(|piece| {
+        let active = garment.plan().pieces(number).iter().filter(|piece| {
             let rate = |&driver: &u8| rates.driver(usize::from(driver))[usize::from(piece.target)];
             segment.drivers.iter().any(|driver| rate(driver) != 0.0)
         });
         active.count() * count * size_of::<[i16; 3]>() + size_of_val(segment.masks.as_slice())
     });
-    let vertices = size_of_val(mesh.positions_m.as_slice())
+    let scratch = garment.unique_count() * (size_of::<Vec3>() + size_of::<Corner>());
+    let arrays = size_of_val(mesh.positions_m.as_slice())
         + size_of_val(data.skin.as_slice())
-        + size_of_val(scratch.blended_m.as_slice())
-        + size_of_val(scratch.corners.as_slice());
-    let frame = garment.vertex_count() * 2 * size_of::<Vec3>() + size_of_val(mesh.twin_of.as_slice());
-    blended.sum::<usize>() + vertices + size_of_val(scratch.triangles.as_slice()) + frame
+        + size_of_val(garment.plan().triangles.as_slice())
+        + size_of_val(mesh.twin_of.as_slice());
+    blended.sum::<usize>() + arrays + scratch + garment.vertex_count() * 2 * size_of::<Vec3>()
 }

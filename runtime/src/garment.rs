@@ -1,6 +1,7 @@
 //! What an open pack holds: the kimono as plain arrays ([`GarmentData`]), and the same once its every index and number
 //! has been checked ([`Garment`]). Knows neither the bytes of a pack nor how a frame is made.
 
+use crate::evaluate::Plan;
 use crate::pose_blend::Kernel;
 use crate::pose_blend::rbf::{ChainJoint, Rbf, Samples};
 use crate::skeleton::{Bone, Skeleton};
@@ -164,6 +165,7 @@ pub struct GarmentData {
 pub struct Garment {
     data: GarmentData,
     samples: Samples,
+    plan: Plan,
 }
 
 impl Garment {
@@ -187,12 +189,17 @@ impl Garment {
                 *rotation = rotation.normalize();
             }
         }
-        Ok(Garment { samples: Samples::new(&data), data })
+        Ok(Garment { samples: Samples::new(&data), plan: Plan::new(&data), data })
     }
 
     /// The samples of the default kernel, embedded.
     pub(crate) fn samples(&self) -> &Samples {
         &self.samples
+    }
+
+    /// What frames are made with.
+    pub(crate) fn plan(&self) -> &Plan {
+        &self.plan
     }
 
     /// The kernel that [`evaluate`](crate::evaluate::evaluate) uses: the default one where the garment has it.

@@ -1,8 +1,11 @@
 //! Recorded motion: BVH text against an independent reading of the same file, and every mistake's message.
 
 use glam::{DMat3, DVec3, Quat, Vec3};
+use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
 use kitsuke::skeleton::bvh::{self, Motion, Reference};
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
+use kitsuke::{Rates, pose_blend};
+use kitsuke_pipeline::ir;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -292,6 +295,59 @@ proptest! {
             prop_assert!(motion.poses.iter().all(Pose::is_valid));
         }
     }
+}
+
+#[test]
+fn the_motion_of_the_bench_keeps_eight_targets_active() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src");
+    let bytes = std::fs::read(assets.join("motions/two_arms.bvh")).unwrap();
+    let source = kitsuke_pipeline::source::load(&assets.join("komon")).garment.unwrap();
+    let motion = bvh::read(&bytes, &source.body.skeleton).unwrap();
+    assert_eq!((motion.reference, motion.unmapped.as_slice()), (Reference::Offsets, [].as_slice()));
+    assert!((8.0..10.0).contains(&(motion.frame_time_s * motion.poses.len() as f64)));
+    assert!(motion.poses.iter().all(Pose::is_valid));
+    let step = motion
+        .poses
+        .windows(2)
+        .flat_map(|pair| Bone::ALL.map(|b| pair[0].rotation(b).angle_between(pair[1].rotation(b))));
+    assert!(step.fold(0.0, f32::max) < 0.04, "a jump");
+
+    // komon's pose table and drivers on one vertex that nothing moves.
+    let rows = std::iter::repeat_n(Quat::IDENTITY, source.pose_bones.len());
+    let targets = source.targets.iter();
+    let garment = Garment::new(GarmentData {
+        id: "poses".to_owned(),
+        name: "poses".to_owned(),
+        skeleton: source.body.skeleton,
+        mesh: Mesh {
+            positions_m: vec![Vec3::ZERO],
+            triangles: vec![[0; 3]],
+            parts: vec![Part { name: "all".to_owned(), triangle_count: 1 }],
+            source_vertex: vec![0],
+            ..Mesh::default()
+        },
+        skin: vec![SkinWeights { joints: [0; 4], weights: [u16::MAX, 0, 0, 0] }],
+        drivers: source
+            .drivers
+            .into_iter()
+            .map(|ir::Driver { name, joints, threshold_rad }| Driver { name, joints, threshold_rad })
+            .collect(),
+        segments: vec![Segment { vertex_count: 1, ..Segment::default() }],
+        targets: targets.clone().map(|t| Target { name: t.name.clone(), step_m: 1e-5, ..Target::default() }).collect(),
+        poses: PoseTable {
+            bones: source.pose_bones,
+            rotations: rows.chain(targets.flat_map(|t| t.rotations.clone())).collect(),
+        },
+        rbf: None,
+    })
+    .unwrap();
+    let mut rates = Rates::new(&garment);
+    let mut active: Vec<usize> = Vec::new();
+    for pose in &motion.poses {
+        pose_blend::paper(&garment, pose, &mut rates);
+        active.push((0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count());
+    }
+    assert!(active.iter().all(|&count| count >= 8), "{active:?}");
 }
 
 /// A BVH file read as plainly as possible: names, parents, and per frame world positions by matrices.

@@ -128,7 +128,7 @@ fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
                 .push(microseconds(|| pose_blend::rates(garment.kernel(), garment, black_box(pose), &mut rates)));
             times_us[2].push(microseconds(|| blend(garment, &rates, &mut scratch)));
             times_us[3].push(microseconds(|| skin(garment, pose, &mut scratch, &mut positions_m)));
-            times_us[4].push(microseconds(|| normals(&mut scratch, &mut unit_normals)));
+            times_us[4].push(microseconds(|| normals(garment, &mut scratch, &mut unit_normals)));
             twins(garment, Frame { positions_m: &mut positions_m, normals: &mut unit_normals });
         }
         black_box((&positions_m, &unit_normals));
@@ -137,7 +137,7 @@ fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
         let [whole_us, rates_us, blend_us, skin_us, normals_us] = times_us.map(median);
         pose_blend::rates(garment.kernel(), garment, pose, &mut rates);
         let active_targets = (0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count() as f64;
-        let bytes_touched = bytes_touched(garment, &rates, &scratch) as f64;
+        let bytes_touched = bytes_touched(garment, &rates) as f64;
         FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, active_targets, bytes_touched }
     });
     Frames(figures.collect())
