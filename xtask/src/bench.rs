@@ -251,3 +251,15 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_of_the_sorted_list() {
+        let values = || vec![3.0, 1.0, 2.0, 5.0, 4.0];
+        assert_eq!([0.0, 0.5, 0.99].map(|share| quantile(values(), share)), [1.0, 3.0, 5.0]);
+        assert_eq!(quantile(Vec::new(), 0.5), 0.0);
+    }
+}

@@ -3,7 +3,8 @@
 use glam::Vec3;
 use kitsuke::Garment;
 use kitsuke::pose_blend::Kernel;
-use kitsuke::skeleton::{Pose, bvh};
+use kitsuke::skeleton::Pose;
+use kitsuke::skeleton::bvh::{self, Motion, Reference};
 use kitsuke_pipeline::diagnostic::{self, Diagnostic};
 use kitsuke_pipeline::frames::{Blend, Shot};
 use kitsuke_pipeline::source::tables;
@@ -38,9 +39,27 @@ pub fn pose_table(path: &Path, kernel: Kernel) -> Result<Vec<Row>, String> {
 pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, root_motion: bool) -> Result<Vec<Shot>, String> {
     let recording =
         bvh::read(&read(path)?, &garment.data().skeleton).map_err(|e| format!("{}: {e}", path.display()))?;
+    note(path, &recording);
     let still = |pose: Pose| if root_motion { pose } else { Pose { hips_translation_m: Vec3::ZERO, ..pose } };
     let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Kernel(kernel) };
     Ok(recording.poses.into_iter().enumerate().map(shot).collect())
+}
+
+/// Says how a recording was understood, so that a wrong guess is seen.
+fn note(path: &Path, recording: &Motion) {
+    let t_pose = match recording.reference {
+        Reference::Offsets => "its OFFSETs",
+        Reference::FirstFrame => "its first frame",
+        Reference::OffsetsTurned => "its OFFSETs with the arms turned sideways",
+    };
+    let scale = match recording.metres_per_unit {
+        Some(metres) => format!("one unit is {metres:.5} m by the length of the legs"),
+        None => "it has no legs, so the hips stay in their place".to_owned(),
+    };
+    eprintln!("note: {}: the T-pose is {t_pose}; {scale}", path.display());
+    if !recording.unmapped.is_empty() {
+        eprintln!("note: joints that are no bone of the wearer: {}", recording.unmapped.join(", "));
+    }
 }
 
 /// All bytes of a file of reasonable length.
