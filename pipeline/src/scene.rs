@@ -3,7 +3,7 @@
 use crate::frames::{Shot, Stage, in_source_order};
 use crate::ir;
 use crate::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Mat3, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
 use kitsuke::skeleton::{Bone, Pose, Skeleton};
@@ -101,12 +101,12 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Draws one figure, `height_px` high, so that everything in `bounds` is in the picture.
+    /// Draws one figure in a picture that is `height_px` high.
     ///
     /// # Panics
     /// When the figure was posed by a scene of another garment.
     #[must_use]
-    pub fn draw(&self, figure: &Figure, view: View, bounds: Bounds, height_px: u32) -> RgbImage {
+    pub fn draw(&self, figure: &Figure, framing: Framing, height_px: u32) -> RgbImage {
         let mesh = &self.garment.data().mesh;
         let paint = match (&figure.colours, &self.texture) {
             (Some(colours), _) => Paint::PerVertex(colours),
@@ -128,7 +128,7 @@ impl<'a> Scene<'a> {
             inside: None,
         });
         let shapes: Vec<Shape<'_>> = std::iter::once(cloth).chain(context).collect();
-        let (camera, width_over_height) = bounds.camera(view);
+        let (camera, width_over_height) = framing.camera();
         let width_px = (height_px as f32 * width_over_height).ceil().clamp(1.0, 8192.0) as u32;
         render(&shapes, &camera, [width_px, height_px], BACKGROUND)
     }
@@ -177,41 +177,52 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// A box round everything that a series of pictures shows, so that all of them have one scale.
+/// How much of the world a series of pictures shows, so that all of them have one scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub struct Framing {
+    view: View,
+    /// Along the picture's right, up and the direction to the viewer, metres.
     least_m: Vec3,
     most_m: Vec3,
 }
 
-impl Bounds {
-    /// Round these figures.
+impl Framing {
+    /// Everything that these figures show from there.
     #[must_use]
-    pub fn of(figures: &[Figure]) -> Bounds {
+    pub fn of(figures: &[Figure], view: View) -> Framing {
+        let view_from_world = view.axes().transpose();
         let points = figures.iter().flat_map(|figure| {
             let context = figure.context.iter().flat_map(|(positions_m, _)| positions_m);
-            figure.positions_m.iter().chain(context).copied()
+            figure.positions_m.iter().chain(context).map(|&p| view_from_world * p)
         });
-        let empty = Bounds { least_m: Vec3::INFINITY, most_m: Vec3::NEG_INFINITY };
-        let all = points.fold(empty, |b, p| Bounds { least_m: b.least_m.min(p), most_m: b.most_m.max(p) });
-        if all.least_m.is_finite() { all } else { Bounds { least_m: Vec3::ZERO, most_m: Vec3::ONE } }
+        let empty = Framing { view, least_m: Vec3::INFINITY, most_m: Vec3::NEG_INFINITY };
+        let all = points.fold(empty, |f, p| Framing { view, least_m: f.least_m.min(p), most_m: f.most_m.max(p) });
+        if all.least_m.is_finite() { all } else { Framing { view, least_m: Vec3::ZERO, most_m: Vec3::ONE } }
     }
 
-    /// An orthographic camera that sees the whole box, and the picture's width over its height.
-    fn camera(self, view: View) -> (Camera, f32) {
-        const MARGIN: f32 = 1.06;
-        let back = match view {
+    /// An orthographic camera that sees all of it, and the picture's width over its height.
+    fn camera(self) -> (Camera, f32) {
+        const MARGIN_M: f32 = 0.05;
+        let axes = self.view.axes();
+        let middle_m = (self.least_m + self.most_m) / 2.0;
+        let size_m = self.most_m - self.least_m + 2.0 * MARGIN_M;
+        let target_m = axes * middle_m;
+        let eye_m = target_m + axes.z_axis * size_m.z;
+        (Camera { eye_m, target_m, lens: Lens::Orthographic { height_m: size_m.y } }, size_m.x / size_m.y)
+    }
+}
+
+impl View {
+    /// The picture's right, up and the direction to the viewer, as columns.
+    fn axes(self) -> Mat3 {
+        let back = match self {
             View::Front => Vec3::Z,
             View::Side => Vec3::X,
             View::Back => -Vec3::Z,
             View::Quarter => Vec3::new(0.5, 0.16, 0.85).normalize(),
         };
         let right = Vec3::Y.cross(back).normalize();
-        let (target_m, size_m) = ((self.least_m + self.most_m) / 2.0, self.most_m - self.least_m);
-        let width_m = right.abs().dot(size_m) * MARGIN;
-        let height_m = back.cross(right).abs().dot(size_m) * MARGIN;
-        let eye_m = target_m + back * (size_m.length() + 1.0);
-        (Camera { eye_m, target_m, lens: Lens::Orthographic { height_m } }, width_m / height_m.max(1e-6))
+        Mat3::from_cols(right, back.cross(right), back)
     }
 }
 

@@ -178,6 +178,12 @@ fn a_contact_sheet_holds_every_picture_and_a_caption() {
     }
     let blank: Vec<Cell> = cells.iter().cloned().map(|cell| Cell { caption: String::new(), ..cell }).collect();
     assert_ne!(sheet, contact_sheet(&blank, 2), "captions are drawn");
+    let long = [Cell { caption: "longer than the picture".to_owned(), ..cells[0].clone() }];
+    assert_eq!(
+        contact_sheet(&long, 2).dimensions(),
+        contact_sheet(&cells[..1], 2).dimensions(),
+        "long captions are cut"
+    );
     assert_eq!(side_by_side(&[cells[0].picture.clone(), cells[1].picture.clone()]).dimensions(), (80, 30));
 }
 

@@ -5,7 +5,7 @@ use crate::places::{Places, write_whole};
 use crate::shots::{self, KernelName};
 use clap::ValueEnum;
 use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
-use kitsuke_pipeline::scene::{Bounds, Colours, Figure, Scene, View};
+use kitsuke_pipeline::scene::{Colours, Figure, Framing, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -113,12 +113,12 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
             scene.figure(&mut stage, &Shot { blend, ..shot.clone() }, colours)
         })
         .collect();
-    let bounds = Bounds::of(&figures);
+    let framings: Vec<Framing> = args.views.iter().map(|&view| Framing::of(&figures, view.into())).collect();
     let cells: Vec<Cell> = figures
         .iter()
         .zip(&shots)
         .map(|(figure, shot)| {
-            let views = args.views.iter().map(|&view| scene.draw(figure, view.into(), bounds, args.height));
+            let views = framings.iter().map(|&framing| scene.draw(figure, framing, args.height));
             Cell { caption: shot.name.clone(), picture: side_by_side(&views.collect::<Vec<_>>()) }
         })
         .collect();
