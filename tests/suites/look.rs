@@ -4,14 +4,17 @@ use glam::{Vec2, Vec3};
 use image::{Rgb, RgbImage};
 use kitsuke::garment::GarmentData;
 use kitsuke::skeleton::{Bone, Pose};
-use kitsuke::{Frame, Garment, Rates, Scratch, evaluate, evaluate_with_rates};
+use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, evaluate_with_rates};
 use kitsuke_pipeline::frames::{
     Blend, Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj,
 };
+use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
+use kitsuke_pipeline::scene::{Colours, Framing, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
 use kitsuke_tests::{small_garment, small_garment_data};
 use proptest::prelude::*;
+use std::path::Path;
 
 const BACKGROUND: [u8; 3] = [10, 20, 30];
 const QUAD: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
@@ -311,4 +314,70 @@ fn distances_name_the_worst_vertex() {
     let Distance { max_m, mean_m, vertex } = Distance::between(&a, &b);
     assert!((max_m - 0.003).abs() < 1e-7 && (mean_m - 0.001).abs() < 1e-7 && vertex == 1);
     assert!(Distance::between(&a, &[Vec3::NAN; 3]).max_m.is_nan(), "what is no number is no small distance");
+}
+
+#[test]
+fn every_view_and_colour_shows_the_garment() {
+    let garment = small_garment();
+    let scene = Scene::new(&garment, None, true);
+    let mut stage = Stage::new(&garment);
+    let shot = &own_poses(&garment)[1];
+    for colours in [Colours::Cloth, Colours::Regions, Colours::Joints, Colours::Error(1e-3)] {
+        let figures = [scene.figure(&mut stage, shot, colours)];
+        for view in [View::Front, View::Side, View::Back, View::Quarter] {
+            let framing = Framing::of(&figures, view);
+            let picture = scene.draw(&figures[0], framing, 60);
+            let paper = *picture.get_pixel(0, 0);
+            let (width, height) = picture.dimensions();
+            let shown: Vec<_> = picture.enumerate_pixels().filter(|(.., pixel)| **pixel != paper).collect();
+            let border = |x, y| x == 0 || y == 0 || x == width - 1 || y == height - 1;
+            assert!(!shown.is_empty() && shown.iter().all(|&(x, y, _)| !border(x, y)), "{view:?} {colours:?}");
+            // The tube fills the picture but for the margin.
+            let columns = shown.iter().map(|(x, ..)| *x).max().unwrap() - shown.iter().map(|(x, ..)| *x).min().unwrap();
+            assert!(columns * 2 > width, "{view:?}: {columns} of {width} columns");
+            assert_eq!(picture, scene.draw(&figures[0], framing, 60));
+        }
+    }
+}
+
+/// Positions of an OBJ file, by nothing but its `v` lines.
+fn v_lines(path: &Path) -> Vec<Vec3> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let lines = text.lines().filter_map(|line| line.strip_prefix("v "));
+    let numbers = |line: &str| line.split_whitespace().map(|n| n.parse().unwrap()).collect::<Vec<f32>>();
+    lines.map(|line| Vec3::from_slice(&numbers(line))).collect()
+}
+
+/// Komon as built today, each target alone, against the files by their `v` lines.
+#[test]
+fn komon_comes_back_in_the_order_of_its_files() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
+    let source = kitsuke_pipeline::source::load(&folder).garment.expect("komon has no mistakes");
+    let cache = tempfile::tempdir().unwrap();
+    let built = kitsuke_pipeline::build_garment(&source, &Memo::new(cache.path()), &|_| {}).unwrap();
+    let pack = Pack::open(&built.pack).unwrap();
+    let garment = pack.garment();
+    let mut stage = Stage::new(garment);
+    let shots = own_poses(garment);
+    assert_eq!(shots.len(), 19);
+    let files = source.targets.iter().map(|target| target.file.as_str());
+    for (shot, file) in shots.iter().zip(std::iter::once("base.obj").chain(files)) {
+        let (shape, values) = {
+            let mut bytes = npy_header(&[1, garment.unique_count(), 3]);
+            bytes.extend(npy_frame(&in_source_order(garment, stage.show(shot).0)));
+            parse_npy(&bytes)
+        };
+        assert_eq!(shape, [1, 13_924, 3]);
+        let wanted_m = v_lines(&folder.join(file));
+        let errors: Vec<f32> = values
+            .chunks_exact(3)
+            .zip(&wanted_m)
+            .map(|(found, wanted)| Vec3::from_slice(found).distance(*wanted))
+            .collect();
+        assert_eq!(errors.len(), wanted_m.len());
+        let max_m = errors.iter().copied().fold(0.0, f32::max);
+        let mean_m = errors.iter().sum::<f32>() / errors.len() as f32;
+        let limits_m = if file == "base.obj" { (1e-6, 1e-6) } else { (0.25e-3, 0.05e-3) };
+        assert!(max_m <= limits_m.0 && mean_m <= limits_m.1, "{file}: max {max_m} m, mean {mean_m} m");
+    }
 }
