@@ -1,5 +1,6 @@
 //! All suites, one binary.
 
+mod build;
 mod frame;
 mod garment;
 mod look;

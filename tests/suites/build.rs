@@ -1,0 +1,316 @@
+//! The catalog: what is built, what is left alone, what is written. Runs on the sample kimono as it is committed.
+
+use kitsuke::skeleton::Bone;
+use kitsuke_pipeline::catalog::index::{self, Entry};
+use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Report, Silent};
+use kitsuke_pipeline::memo::{Memo, Origin};
+use kitsuke_pipeline::{Built, build_garment, ir, source};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+use tempfile::TempDir;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A folder with assets, catalog and cache of its own.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    /// With the whole sample kimono.
+    fn whole() -> Place {
+        let place = Place { folder: tempfile::tempdir().unwrap() };
+        copy(&repository().join("assets-src/komon"), &place.assets().join("komon"));
+        copy(&repository().join("assets-src/bodies"), &place.assets().join("bodies"));
+        place
+    }
+
+    /// With the sample kimono and three of its targets: as true as the whole, and built in a fraction of the time.
+    fn small() -> Place {
+        let place = Place::whole();
+        place.edit("komon/poses.csv", |table| {
+            let kept = ["base.obj", "poses/03", "poses/13", "poses/14", "file,"];
+            let rows = table.lines().filter(|row| kept.iter().any(|start| row.starts_with(start)));
+            rows.map(|row| format!("{row}\n")).collect()
+        });
+        place
+    }
+
+    fn assets(&self) -> PathBuf {
+        self.folder.path().join("assets")
+    }
+
+    fn catalog(&self) -> PathBuf {
+        self.folder.path().join("catalog")
+    }
+
+    fn cache(&self) -> PathBuf {
+        self.folder.path().join("cache")
+    }
+
+    fn options(&self, mode: Mode) -> Options {
+        let (assets, catalog, cache) = (self.assets(), self.catalog(), self.cache());
+        Options { assets, catalog, cache, ids: Vec::new(), mode, emit: None }
+    }
+
+    fn build(&self, mode: Mode) -> Report {
+        catalog::build(&self.options(mode), &Silent).unwrap()
+    }
+
+    fn edit(&self, file: &str, change: impl FnOnce(String) -> String) {
+        let path = self.assets().join(file);
+        fs::write(&path, change(fs::read_to_string(&path).unwrap())).unwrap();
+    }
+
+    /// Moves the first vertex of a target by a millimetre.
+    fn nudge(&self, target: &str) {
+        self.edit(target, |text| {
+            let line = text.lines().find(|line| line.starts_with("v ")).unwrap().to_owned();
+            let mut numbers = line.split(' ').skip(1).map(|number| number.parse::<f64>().unwrap());
+            let [x, y, z] = [0; 3].map(|_| numbers.next().unwrap());
+            text.replacen(&line, &format!("v {:.6} {y} {z}", x + 0.001), 1)
+        });
+    }
+
+    /// The catalog's files with their bytes and when they were written.
+    fn written(&self) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
+        files(&self.catalog())
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let (from, to) = (entry.path(), to.join(entry.file_name()));
+        if from.is_dir() {
+            copy(&from, &to);
+        } else {
+            fs::copy(&from, &to).unwrap();
+        }
+    }
+}
+
+fn files(folder: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().map(Result::unwrap) {
+        let path = entry.path();
+        if path.is_dir() {
+            found.extend(files(&path));
+        } else {
+            found.insert(path.clone(), (fs::read(&path).unwrap(), entry.metadata().unwrap().modified().unwrap()));
+        }
+    }
+    found
+}
+
+fn entry(garment: &GarmentReport) -> &Entry {
+    match &garment.outcome {
+        Outcome::Built(entry) => entry,
+        outcome => panic!("{} should be built but is {outcome:?}: {:?}", garment.id, garment.diagnostics),
+    }
+}
+
+/// Stage and target of all stages that ended so.
+fn runs(garment: &GarmentReport, origin: Origin) -> Vec<String> {
+    let runs = garment.runs.iter().filter(|run| run.origin == origin);
+    runs.map(|run| [run.stage, run.target.as_deref().unwrap_or_default()].join(" ").trim().to_owned()).collect()
+}
+
+#[test]
+fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
+    let build = |threads: usize| {
+        let place = Place::whole();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let report = pool.install(|| place.build(Mode::Write));
+        (place, report)
+    };
+    let ((one, report), (two, _)) = (build(1), build(2));
+    let komon = entry(&report.garments[0]);
+    assert_eq!(komon.targets.len(), 18);
+    for target in &komon.targets {
+        assert!(target.max_mm <= 0.25, "{}: {} mm", target.name, target.max_mm);
+        assert!(target.mean_mm <= 0.05, "{}: {} mm on average", target.name, target.mean_mm);
+    }
+    for file in ["index.toml", "packs/komon.kitsuke"] {
+        let bytes = |place: &Place| fs::read(place.catalog().join(file)).unwrap();
+        assert!(bytes(&one) == bytes(&two), "{file} differs between one thread and two");
+    }
+    let committed = index::read(&repository().join("catalog/index.toml")).unwrap();
+    assert_eq!(
+        index::differences(&committed, &index::read(&one.catalog().join("index.toml")).unwrap()),
+        [""; 0],
+        "catalog/index.toml is stale: run cargo xtask build-catalog and commit it"
+    );
+}
+
+#[test]
+fn a_second_build_changes_nothing() {
+    let place = Place::small();
+    let first = place.build(Mode::Write);
+    assert_eq!(first.changes, ["komon: is not in the index"]);
+    let written = place.written();
+    let second = place.build(Mode::Write);
+    assert!(matches!(second.garments[0].outcome, Outcome::UpToDate), "{:?}", second.garments[0]);
+    assert_eq!(second.changes, [""; 0]);
+    assert!(place.written() == written, "a file was written again");
+}
+
+#[test]
+fn an_edited_target_rebuilds_only_what_depends_on_it() {
+    let place = Place::small();
+    place.build(Mode::Write);
+    place.nudge("komon/poses/13_right_elbow_90.obj");
+    let report = place.build(Mode::Write);
+    let komon = &report.garments[0];
+    assert_eq!(komon.reasons, ["komon/poses/13_right_elbow_90.obj changed"]);
+    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin"]);
+    assert_eq!(runs(komon, Origin::Computed), ["compress", "deltas right_elbow_90", "regions", "verify", "write"]);
+}
+
+#[test]
+fn locked_refuses_a_change_of_the_index_and_check_writes_nothing() {
+    let place = Place::small();
+    place.build(Mode::Write);
+    place.nudge("komon/poses/03_both_down.obj");
+    let written = place.written();
+    for mode in [Mode::Locked, Mode::Check] {
+        let report = place.build(mode);
+        assert!(report.changes[0].starts_with("komon: `blake3 = "), "{mode:?}: {:?}", report.changes);
+        assert!(place.written() == written, "{mode:?} wrote into the catalog");
+    }
+    place.build(Mode::Write);
+    assert!(place.written() != written);
+
+    // A fresh checkout has the index and no packs: locked makes them, check says that they are missing.
+    fs::remove_file(place.catalog().join("packs/komon.kitsuke")).unwrap();
+    assert_eq!(place.build(Mode::Check).changes, ["komon: its pack is not in the catalog"]);
+    assert_eq!(place.build(Mode::Locked).changes, [""; 0]);
+    assert!(place.catalog().join("packs/komon.kitsuke").exists());
+    assert_eq!(place.build(Mode::Check).changes, [""; 0]);
+}
+
+#[test]
+fn leftovers_of_a_killed_build_and_a_damaged_cache_do_no_harm() {
+    let place = Place::small();
+    place.build(Mode::Write);
+    let written = place.written();
+    let half = &b"half a file"[..];
+    for leftover in ["catalog/.tmp-a", "catalog/packs/.tmp-b", "cache/stages/.tmp-c", "cache/builds/.tmp-d"] {
+        fs::write(place.folder.path().join(leftover), half).unwrap();
+    }
+    assert!(matches!(place.build(Mode::Write).garments[0].outcome, Outcome::UpToDate));
+
+    for (path, (bytes, _)) in files(&place.cache().join("stages")) {
+        fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+    }
+    fs::write(place.catalog().join("packs/komon.kitsuke"), half).unwrap();
+    let report = place.build(Mode::Write);
+    assert_eq!(report.garments[0].reasons, ["the pack in the catalog is missing or another"]);
+    assert_eq!(runs(&report.garments[0], Origin::Remembered), [""; 0]);
+    for (path, (bytes, _)) in written {
+        assert!(fs::read(&path).unwrap() == bytes, "{} differs after the rebuild", path.display());
+    }
+
+    fs::remove_dir_all(place.cache()).unwrap();
+    assert_eq!(place.build(Mode::Check).changes, [""; 0], "without any cache the same comes out");
+}
+
+#[test]
+fn garments_come_and_go_and_fail_one_by_one() {
+    let place = Place::small();
+    for id in ["tsumugi", "yukata"] {
+        copy(&place.assets().join("komon"), &place.assets().join(id));
+    }
+    let outcomes = |report: &Report| -> Vec<(String, bool)> {
+        let built = |outcome: &Outcome| matches!(outcome, Outcome::Built(_));
+        report.garments.iter().map(|garment| (garment.id.clone(), built(&garment.outcome))).collect()
+    };
+    let ids = || index::read(&place.catalog().join("index.toml")).unwrap().into_keys().collect::<Vec<_>>();
+    place.build(Mode::Write);
+    assert_eq!(ids(), ["komon", "tsumugi", "yukata"]);
+
+    // Two faults in one run: both are told, the good one is built, and nobody loses an entry.
+    place.edit("tsumugi/garment.toml", |text| text.replace("base.obj", "missing.obj"));
+    place.edit("yukata/poses/03_both_down.obj", |text| text.replacen("v ", "v NaN ", 1));
+    place.nudge("komon/poses/03_both_down.obj");
+    let report = place.build(Mode::Write);
+    assert_eq!(outcomes(&report), [("komon".into(), true), ("tsumugi".into(), false), ("yukata".into(), false)]);
+    assert!(report.garments[1..].iter().all(|garment| !garment.diagnostics.is_empty()));
+    assert_eq!(ids(), ["komon", "tsumugi", "yukata"]);
+
+    // One named garment leaves the others alone, even those that are gone; building all drops them.
+    fs::remove_dir_all(place.assets().join("tsumugi")).unwrap();
+    fs::remove_dir_all(place.assets().join("yukata")).unwrap();
+    let options = Options { ids: vec!["komon".to_owned()], ..place.options(Mode::Write) };
+    catalog::build(&options, &Silent).unwrap();
+    assert_eq!(ids(), ["komon", "tsumugi", "yukata"]);
+    let report = place.build(Mode::Write);
+    assert_eq!(report.changes[0], "tsumugi: is in the index, but its garment is gone");
+    assert_eq!(ids(), ["komon"]);
+    let packs: Vec<PathBuf> = files(&place.catalog().join("packs")).into_keys().collect();
+    assert_eq!(packs, [place.catalog().join("packs/komon.kitsuke")]);
+
+    let options = Options { ids: vec!["komom".to_owned()], ..place.options(Mode::Write) };
+    let error = catalog::build(&options, &Silent).unwrap_err().to_string();
+    assert!(error.contains("no garment komom") && error.ends_with("did you mean komon?"), "{error}");
+}
+
+fn built_sample(place: &Place) -> (ir::Garment, Built) {
+    let loaded = source::load(&place.assets().join("komon"));
+    let garment = loaded.garment.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
+    let built = build_garment(&garment, &Memo::new(&place.cache()), &|_| {}).unwrap();
+    (garment, built)
+}
+
+#[test]
+fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
+    let (garment, built) = built_sample(&Place::small());
+    let skeleton = &garment.body.skeleton;
+    let weight = |vertex: usize, bones: &[Bone]| -> f64 {
+        let skin = built.skin[vertex];
+        let counted = |joint: u8| bones.contains(&skeleton.joints()[usize::from(joint)].bone);
+        let weights = skin.joints.into_iter().zip(skin.weights).filter(|&(joint, _)| counted(joint));
+        weights.map(|(_, weight)| f64::from(weight) / 65535.0).sum()
+    };
+    let (left, right) = ([Bone::LeftUpperLeg], [Bone::RightUpperLeg]);
+    let left_arm = [Bone::LeftShoulder, Bone::LeftUpperArm, Bone::LeftLowerArm];
+    let right_arm = [Bone::RightShoulder, Bone::RightUpperArm, Bone::RightLowerArm];
+    let never = [Bone::LeftLowerLeg, Bone::RightLowerLeg, Bone::LeftFoot, Bone::LeftHand, Bone::RightHand, Bone::Head];
+    let obi_bottom_m = garment.obi.as_ref().unwrap().positions_m.iter().map(|p| p.y).fold(f32::MAX, f32::min);
+    for (v, p) in garment.base.positions_m.iter().enumerate() {
+        assert_eq!(weight(v, &left), weight(v, &right), "vertex {v}: one leg pulls more than the other");
+        assert_eq!(weight(v, &never), 0.0, "vertex {v} follows a bone that moves no cloth");
+        let legs = weight(v, &left) + weight(v, &right);
+        if p.y >= obi_bottom_m {
+            assert_eq!(legs, 0.0, "vertex {v} above the obi's edge follows the legs");
+        }
+        if p.y < 0.3 {
+            assert!(legs > 0.9, "vertex {v} near the hem follows the legs by {legs} only");
+        }
+        if p.x.abs() > 0.45 {
+            let (own, other) = if p.x > 0.0 { (left_arm, right_arm) } else { (right_arm, left_arm) };
+            assert!(weight(v, &own) > 0.85, "vertex {v} of a sleeve follows its arm by {} only", weight(v, &own));
+            assert_eq!(weight(v, &other), 0.0, "vertex {v} of a sleeve follows the other arm");
+        }
+    }
+}
+
+#[test]
+fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
+    let place = Place::small();
+    place.edit("komon/garment.toml", |text| text.replace("regions = \"auto\"", "regions = \"painted\""));
+    let report = place.build(Mode::Write);
+    entry(&report.garments[0]);
+    let told: Vec<&str> = report.garments[0]
+        .diagnostics
+        .iter()
+        .filter(|diagnostic| diagnostic.code == "mask-remainder")
+        .map(|diagnostic| diagnostic.problem.as_str())
+        .collect();
+    assert_eq!(told.len(), 4, "one warning per driver: {told:#?}");
+    assert!(told.iter().all(|problem| problem.contains(" mm where ") && problem.contains("vertex ")), "{told:#?}");
+}
