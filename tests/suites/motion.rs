@@ -156,6 +156,42 @@ fn other_axes_and_units_give_the_same_poses() {
 }
 
 #[test]
+fn hanging_arms_are_measured_from_the_first_frame_or_turned() {
+    let hanging = |frames: &[&str]| {
+        text("1 Zrotation", frames)
+            .replace("OFFSET 3 0 0", "OFFSET 0 -3 0")
+            .replace("OFFSET -3 0 0", "OFFSET 0 -3 0")
+            .replace("CHANNELS 0\nJOINT rightLowerArm", "CHANNELS 1 Zrotation\nJOINT rightLowerArm")
+    };
+    let down = |bone| {
+        let side = if bone == Bone::LeftUpperArm { -1.0 } else { 1.0 };
+        Quat::from_rotation_z(side * std::f32::consts::FRAC_PI_2)
+    };
+    let from_first = read(&hanging(&["0 9 0 90 -90", "0 9 0 0 0"]));
+    let turned = read(&hanging(&["0 9 0 0 0"]));
+    assert_eq!((from_first.reference, turned.reference), (Reference::FirstFrame, Reference::OffsetsTurned));
+    for bone in Bone::ALL {
+        let expected =
+            if matches!(bone, Bone::LeftUpperArm | Bone::RightUpperArm) { down(bone) } else { Quat::IDENTITY };
+        assert!(from_first.poses[0].rotation(bone).angle_between(Quat::IDENTITY) < 2e-3, "{}", bone.name());
+        for pose in [&from_first.poses[1], &turned.poses[0]] {
+            assert!(pose.rotation(bone).angle_between(expected) < 2e-3, "{}", bone.name());
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_is_no_bone_turns_the_bones_below() {
+    let good = text("1 Zrotation", &["0 9 0 30 10"]);
+    let folded =
+        good.replace("JOINT spine\n{\nOFFSET 0 3 0\nCHANNELS 0", "JOINT thing\n{\nOFFSET 0 3 0\nCHANNELS 1 Zrotation");
+    let motion = read(&folded);
+    assert_eq!(motion.unmapped, ["thing"]);
+    let expected = Quat::from_rotation_z(40_f32.to_radians());
+    assert!(motion.poses[0].rotation(Bone::LeftUpperArm).angle_between(expected) < 2e-3);
+}
+
+#[test]
 fn every_mistake_names_its_line_and_what_to_do() {
     let good = text("3 Zrotation Xrotation Yrotation", &["0 9 0 10 20 30", "0 9 0 10 20 30"]);
     let deep: String = (0..130).map(|i| format!("JOINT j{i}\n{{\nOFFSET 0 0 0\n")).collect();
@@ -269,8 +305,8 @@ fn every_mistake_names_its_line_and_what_to_do() {
     let flat = good.replace("OFFSET 0 3 0", "OFFSET 0 0 0").replace(" 1 0\n", " 0 0\n");
     assert_eq!(
         bvh::read(flat.as_bytes(), &wearer()).unwrap_err().to_string(),
-        "line 2: the joints of this skeleton do not show where up and left are; its OFFSETs from hips to head and \
-         between the arms must not be 0"
+        "line 2: the joints of this skeleton do not show where up and left are; its OFFSETs from the hips to \
+         the arms and between the arms must not be 0"
     );
     let still = good.replace("CHANNELS 3 Xposition Yposition Zposition", "").replace("CHANNELS 3 Z", "CHANNELS 0 Z");
     let still = still.replace("Zrotation Xrotation Yrotation", "");

@@ -6,7 +6,7 @@
 //!   within 25°, else from the first frame if that does, else from the OFFSETs ([`Reference`] says which). What then
 //!   still lies between a limb's direction and that of the wearer's T-pose is closed by the shortest turn, limb by
 //!   limb, so that arms and legs point where they pointed in the recording.
-//! - Up becomes +Y and left +X, from the positions of hips, head, arms and legs: files with Z up need no hint.
+//! - Up becomes +Y and left +X, from the positions of hips and upper arms: files with Z up need no hint.
 //! - Lengths are scaled by the ratio of the legs. The hips' way begins at the first frame.
 
 mod names;
@@ -47,7 +47,7 @@ pub enum Reference {
 
 /// How far arms may be from sideways in what counts as a T-pose.
 const SIDEWAYS_RAD: f64 = 25.0 * std::f64::consts::PI / 180.0;
-/// Directions this near to an axis are that axis: a leaning head does not tilt the whole body.
+/// An up direction this near to an axis is that axis: shoulders behind the hips do not tilt the whole body.
 const ON_AXIS_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 
 /// Reads a BVH file for this wearer.
@@ -161,8 +161,9 @@ impl Rig {
     }
 
     fn axes(&self, stance: &Stance) -> Result<DQuat, BvhError> {
-        const UPPERMOST: [Bone; 5] = [Bone::Head, Bone::Neck, Bone::UpperChest, Bone::Chest, Bone::Spine];
-        let up = UPPERMOST.into_iter().find_map(|bone| self.direction(stance, Bone::Hips, bone));
+        let at = |bone| self.joint(bone).map_or(DVec3::ZERO, |joint| stance.positions[joint]);
+        let [left_arm, right_arm] = [at(Bone::LeftUpperArm), at(Bone::RightUpperArm)];
+        let up = ((left_arm + right_arm) * 0.5 - at(Bone::Hips)).try_normalize();
         let left = self
             .direction(stance, Bone::RightUpperArm, Bone::LeftUpperArm)
             .or_else(|| self.direction(stance, Bone::RightUpperLeg, Bone::LeftUpperLeg));
@@ -190,11 +191,14 @@ impl Rig {
         let mut corrections = [DQuat::IDENTITY; Bone::COUNT];
         for (limb, is_arm) in ARMS.map(|arm| (arm, true)).into_iter().chain(LEGS.map(|leg| (leg, false))) {
             let [upper, lower, end] = limb;
+            // A part whose end the file does not give continues the part above.
+            let mut correction = DQuat::IDENTITY;
             for (bone, next) in [(upper, lower), (lower, end)] {
                 let recorded = self.direction(stance, bone, next);
                 if let Some((from, to)) = recorded.zip(rest_direction(wearer, bone, next)) {
-                    corrections[bone as usize] = DQuat::from_rotation_arc(file_to_wearer * from, to);
+                    correction = DQuat::from_rotation_arc(file_to_wearer * from, to);
                 }
+                corrections[bone as usize] = correction;
             }
             if is_arm {
                 // A hand continues its forearm, fingers their hand; feet stand on the ground whatever the legs do.

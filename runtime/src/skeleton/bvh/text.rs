@@ -152,7 +152,7 @@ pub enum Problem {
     },
     /// The skeleton stands on no axis.
     #[error(
-        "the joints of this skeleton do not show where up and left are; its OFFSETs from hips to head and between the arms must not be 0"
+        "the joints of this skeleton do not show where up and left are; its OFFSETs from the hips to the arms and between the arms must not be 0"
     )]
     NoDirection,
 }
