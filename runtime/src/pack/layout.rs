@@ -1,8 +1,9 @@
 //! The format of a pack, version 1.0. This file is its specification and its only home: what is written here, and the
-//! readers and writers below it, side by side. How single numbers and arrays become bytes stands in [`codec`](super::codec).
+//! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
-//! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag` is a byte 0
-//! or 1, `bone` is a byte: the number of a [`Bone`]. `column(n)` is n numbers as described in [`codec`](super::codec).
+//! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
+//! is a byte 0 or 1, `bone` is a byte: the number of a [`Bone`]. `column(n)` is n numbers as described in
+//! [`codec`](super::codec).
 //!
 //! # Container
 //! | bytes | what |

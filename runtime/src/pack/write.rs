@@ -6,9 +6,12 @@ use crate::garment::Garment;
 
 /// The garment as a pack, which [`Pack::open`](super::Pack::open) gives back exactly.
 ///
+/// A garment of very many large targets can exceed the limits on whole packs
+/// ([`PACK_BYTES`](crate::garment::limits::PACK_BYTES), [`DECODED_BYTES`](crate::garment::limits::DECODED_BYTES)); such a
+/// pack is written, and refused when it is opened.
+///
 /// # Panics
-/// When the pack would be longer than 4 GiB, which no garment within the [limits](crate::garment::limits) of realistic
-/// use is.
+/// When a section would be longer than 4 GiB.
 #[must_use]
 pub fn write(garment: &Garment) -> Vec<u8> {
     let data = garment.data();
