@@ -134,6 +134,9 @@ fn conjugate_gradient(
         }
         product(&direction, &mut along);
         let step = energy / dot(&direction, &along);
+        if !step.is_finite() {
+            break;
+        }
         for i in 0..x.len() {
             x[i] += step * direction[i];
             residual[i] -= step * along[i];

@@ -89,7 +89,7 @@ impl Memo {
         file.into_temp_path().persist(path).map_err(|error| error.error)
     }
 
-    /// Deletes the oldest entries until at most 1 GiB is left.
+    /// Deletes the oldest files, leftovers of killed builds among them, until at most 1 GiB is left.
     pub fn trim(&self) {
         self.trim_to(KEPT_BYTES);
     }
@@ -98,7 +98,6 @@ impl Memo {
         let Ok(folder) = std::fs::read_dir(&self.folder) else { return };
         let mut entries: Vec<_> = folder
             .flatten()
-            .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "memo"))
             .filter_map(|entry| {
                 let metadata = entry.metadata().ok()?;
                 Some((metadata.modified().ok()?, entry.path(), metadata.len()))
@@ -174,13 +173,14 @@ mod tests {
     }
 
     #[test]
-    fn trimming_keeps_the_limit_and_other_files() {
+    fn trimming_keeps_the_limit_and_removes_leftovers_too() {
         let folder = tempfile::tempdir().unwrap();
         let memo = Memo::new(folder.path());
-        std::fs::write(folder.path().join("note.txt"), [0; 500]).unwrap();
+        std::fs::write(folder.path().join(".tmp-killed"), [0; 500]).unwrap();
         (0..10).for_each(|input| drop(recall(&memo, input)));
         memo.trim_to(3 * 44);
         let left = std::fs::read_dir(folder.path()).unwrap().count();
-        assert_eq!(left, 4, "three entries of 44 bytes and the note");
+        assert_eq!(left, 3, "three entries of 44 bytes");
+        assert!(!folder.path().join(".tmp-killed").exists(), "the oldest file goes first");
     }
 }

@@ -223,3 +223,61 @@ fn give_rest_to_trunk(stored: &mut Vec<(u8, u16)>, skirt: &Skirt) {
         None => stored.push((skirt.hips as u8, rest)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kitsuke::skeleton::Joint;
+    use proptest::prelude::*;
+
+    /// Hips, both legs, trunk and one arm; the hips at 0.9 m, the knees at 0.45 m.
+    fn skeleton() -> Skeleton {
+        let joint = |bone, parent, y| Joint { bone, parent, rest_m: Vec3::new(0.0, y, 0.0) };
+        Skeleton::new(vec![
+            joint(Bone::Hips, None, 0.9),
+            joint(Bone::LeftUpperLeg, Some(0), 0.85),
+            joint(Bone::LeftLowerLeg, Some(1), 0.45),
+            joint(Bone::RightUpperLeg, Some(0), 0.85),
+            joint(Bone::Spine, Some(0), 1.0),
+            joint(Bone::Neck, Some(4), 1.3),
+            joint(Bone::LeftUpperArm, Some(4), 1.2),
+            joint(Bone::LeftLowerArm, Some(6), 1.2),
+            joint(Bone::LeftHand, Some(7), 1.2),
+            joint(Bone::LeftThumbDistal, Some(8), 1.2),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn joints_that_move_no_cloth_hand_over_to_those_above_them() {
+        assert_eq!(cloth_joints(&skeleton()), [0, 0, 0, 0, 4, 4, 6, 7, 7, 7]);
+    }
+
+    proptest! {
+        #[test]
+        fn weights_sum_to_the_whole_and_thighs_are_equal(
+            row in prop::collection::vec(prop_oneof![Just(0.0), 0.0f64..1.0], 10),
+            height_m in 0.0f32..1.5,
+        ) {
+            let row: Vec<f64> = row.iter().zip(cloth_joints(&skeleton())).enumerate()
+                .map(|(j, (&weight, carried_to))| if carried_to == j { weight } else { 0.0 }).collect();
+            let skirt = Skirt::new(&skeleton(), Some(0.8));
+            let skin = quantise(&row, &skirt, height_m);
+            let of = |joint: u8| -> u32 {
+                skin.joints.iter().zip(skin.weights).filter(|(j, _)| **j == joint).map(|(_, w)| u32::from(w)).sum()
+            };
+            prop_assert_eq!(skin.weights.iter().map(|&w| u32::from(w)).sum::<u32>(), 65535);
+            prop_assert_eq!(of(1), of(3));
+            prop_assert!(height_m < 0.8 || of(1) == 0, "above the obi's edge");
+            prop_assert!(height_m > 0.45 || of(0) <= 1 || row[0] == 0.0, "below the knee the hips have no share");
+        }
+    }
+
+    #[test]
+    fn the_thighs_take_over_smoothly_from_the_obi_to_the_knee() {
+        let skirt = Skirt::new(&skeleton(), None);
+        let shares: Vec<f64> = (0..=90).map(|cm| skirt.thigh_share(0.9 - 0.01 * cm as f32)).collect();
+        assert!(shares.is_sorted() && shares[0] == 0.0 && shares[45] > 0.999);
+        assert!(shares.windows(2).all(|pair| pair[1] - pair[0] < 0.04), "no step");
+    }
+}

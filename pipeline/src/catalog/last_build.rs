@@ -60,7 +60,7 @@ impl LastBuild {
     #[must_use]
     pub fn reasons(&self, builder: &str, inputs: &BTreeMap<String, String>) -> Vec<String> {
         let mut reasons = Vec::new();
-        if self.builder != builder {
+        if self.builder != builder || builder.is_empty() {
             reasons.push("the builder itself changed".to_owned());
         }
         for (path, hash) in inputs {

@@ -151,7 +151,7 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
     let ids = garments(options)?;
     let index_path = options.catalog.join("index.toml");
     let old = index::read(&index_path)?;
-    let builder = builder()?;
+    let builder = builder();
     let memo = Memo::new(&options.cache.join("stages"));
     let job = Job { options, index: &old, builder: &builder, memo: &memo, progress };
     let results: Vec<(GarmentReport, Option<NewPack>)> =
@@ -224,11 +224,11 @@ fn garments(options: &Options) -> Result<Vec<String>, CatalogError> {
     Ok(all)
 }
 
-/// The hash of the running program: another program may build other packs from the same inputs.
-fn builder() -> Result<String, CatalogError> {
-    let path = std::env::current_exe().map_err(|error| CatalogError::io(Path::new("the running program"), &error))?;
-    let bytes = std::fs::read(&path).map_err(|error| CatalogError::io(&path, &error))?;
-    Ok(blake3::hash(&bytes).to_hex().to_string())
+/// The hash of the running program: another program may build other packs from the same inputs. Empty when it cannot be
+/// read (it was replaced while it runs); then nothing counts as up to date.
+fn builder() -> String {
+    let program = std::env::current_exe().and_then(std::fs::read);
+    program.map(|bytes| hash(&bytes)).unwrap_or_default()
 }
 
 /// What the builds of all garments share.
