@@ -68,7 +68,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let unit = manifest.unit.as_ref().map_or(Some(LengthUnit::M), |unit| unit.get().copied())?;
     let up = manifest.up.as_ref().map_or(Some(Up::Y), |up| up.get().copied())?;
     let place = |position: &DVec3| in_metres(*position, unit, up);
-    let base_mesh = base_mesh?;
+    let base_mesh = base_mesh.filter(|base| !base.mesh.faces.is_empty())?;
     let base = surface(base_mesh.mesh, &place);
     let obi = obi_mesh.map(|obi| surface(obi.mesh, &place));
     if let Some(paths) = &paths {
@@ -252,7 +252,12 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
             );
         }
     }
-    let joints: Vec<Bone> = manifest.drivers.iter().flat_map(joints_of).map(|(_, bone)| bone).collect();
+    // Unless every driver is right, nobody knows which joints are compared.
+    let driven = |driver: &DriverEntry| -> Option<Vec<Bone>> {
+        driver.joints.as_ref()?.iter().map(|joint| joint.get().map(|name| name.0)).collect()
+    };
+    let joints: Option<Vec<Vec<Bone>>> = manifest.drivers.iter().map(driven).collect();
+    let joints = joints.unwrap_or_default().concat();
     for (i, row) in table.rows.iter().enumerate() {
         for other in &table.rows[..i] {
             let differing = table.bones.iter().zip(row.rotations.iter().zip(&other.rotations));
@@ -487,7 +492,7 @@ fn check_paths(paths: &Paths, file: &str, base_file: &str, base: &ir::Surface, r
         if vertices.len() < 2 {
             report.push(
                 Diagnostic::error("short-path", file, vertices.first().map_or(Place::File, Field::place))
-                    .problem(format!("the path {name} has {} vertices", vertices.len()))
+                    .problem(format!("the path {name} joins no two vertices"))
                     .help("A path needs two or more vertices."),
             );
         }

@@ -4,5 +4,6 @@ mod build;
 mod frame;
 mod garment;
 mod look;
+mod mistakes;
 mod motion;
 mod pack;

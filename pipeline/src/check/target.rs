@@ -12,8 +12,10 @@ use glam::Vec3;
 const UNIT_RATIO: f32 = 2.5;
 /// An edge that is so many times longer than in the base (or so many times shorter) is no edge of the same cloth.
 const STRETCH: f32 = 4.0;
-/// Share of such edges beyond which the vertices are in another order.
+/// Where more than this share of the edges is strained by more than [`STRAIN`], the vertices are in another order.
 const DISORDER: f64 = 0.25;
+/// See [`DISORDER`].
+const STRAIN: f32 = 1.5;
 /// Displacement of the resting part, as a share of the base's height, beyond which the target is elsewhere.
 const DISPLACED: f32 = 0.05;
 
@@ -240,16 +242,18 @@ fn differing_faces(base: &Reference<'_>, target: &obj::Mesh) -> Option<Mistake> 
 }
 
 fn wrong_order(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
-    let wrong: Vec<[u32; 2]> = edge_ratios(base, positions_m)
-        .filter(|(_, ratio)| !(1.0 / STRETCH..=STRETCH).contains(ratio))
-        .map(|(edge, _)| edge)
-        .collect();
-    let [a, b] = *wrong.first()?;
     let help = "Export with the settings of the base; vertex i must be the same cloth point in every file.";
-    if wrong.len() as f64 > DISORDER * base.edges.len() as f64 {
+    let beyond = |limit: f32| {
+        edge_ratios(base, positions_m)
+            .filter(move |(_, ratio)| !(1.0 / limit..=limit).contains(ratio))
+            .map(|(edge, _)| edge)
+    };
+    if beyond(STRAIN).count() as f64 > DISORDER * base.edges.len() as f64 {
         let problem = format!("same faces as {}, but the positions stand in another order", base.file);
         return mistake("vertex-order", problem, help);
     }
+    let wrong: Vec<[u32; 2]> = beyond(STRETCH).collect();
+    let [a, b] = *wrong.first()?;
     let problem = format!(
         "{} edges are more than {STRETCH} times longer or shorter than in {}, first that of vertices {} and {}",
         grouped(wrong.len()),

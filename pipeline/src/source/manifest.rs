@@ -257,7 +257,14 @@ pub(super) fn parse<T: DeserializeOwned + JsonSchema>(
             .help("Mend the TOML here; strings stand in double quotes.")
     };
     if !errors.is_empty() {
-        report.extend(errors.iter().map(syntax));
+        // One slip makes several errors in its line; the first says enough.
+        let line =
+            |error: &toml::de::Error| error.span().and_then(|span| Some(text.get(..span.start)?.matches('\n').count()));
+        for (i, error) in errors.iter().enumerate() {
+            if !errors[..i].iter().any(|earlier| line(earlier) == line(error)) {
+                report.push(syntax(error));
+            }
+        }
         return None;
     }
     keys(file, document.get_ref(), None, &schema_of::<T>(), None, report);

@@ -54,7 +54,7 @@ pub struct Source {
 }
 
 /// What a file is read as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Role {
     Mesh,
     Body,
@@ -80,7 +80,8 @@ pub fn load(garment_dir: &Path) -> Loaded {
     let garment = source.and_then(|source| check::check(source, &mut report));
     let diagnostics = diagnostic::sorted(report);
     let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
-    Loaded { garment: garment.filter(|_| is_sound), diagnostics, inputs }
+    assert_eq!(garment.is_some(), is_sound, "a garment is refused exactly when the reason is reported");
+    Loaded { garment, diagnostics, inputs }
 }
 
 /// Hashes every file that the garment uses, reading only manifest and pose table.
@@ -97,6 +98,7 @@ pub fn input_files(garment_dir: &Path) -> Result<Vec<InputFile>, Vec<Diagnostic>
     let mut inputs = head.inputs;
     inputs.extend(files.into_iter().map(|(path, blake3)| InputFile { path, blake3 }));
     inputs.sort();
+    inputs.dedup();
     Ok(inputs)
 }
 
@@ -250,24 +252,23 @@ fn missing_file(folder: &Folder, name: &str, cited_in: &str, place: &Place, erro
     Diagnostic::error("file", cited_in, place.clone()).problem(format!("{name} cannot be read: {reason}")).help(help)
 }
 
-/// Reads all named files in parallel, each once, and gives what `decode` makes of them, by name.
+/// Reads all named files in parallel, each once per role, and gives what `decode` makes of them, by name.
 fn read_files<T: Send>(
     folder: &Folder,
     references: &[Reference],
     report: &mut Vec<Diagnostic>,
     decode: impl Fn(&Reference, Vec<u8>) -> T + Sync,
-) -> BTreeMap<String, T> {
-    let first_of: BTreeMap<&str, &Reference> = references.iter().rev().map(|r| (r.name.as_str(), r)).collect();
-    let read: Vec<_> = first_of
+) -> Vec<(String, T)> {
+    let wanted: BTreeMap<(&str, Role), &Reference> =
+        references.iter().map(|r| ((r.name.as_str(), r.role), r)).collect();
+    let read: Vec<_> = wanted
         .into_par_iter()
-        .map(|(name, reference)| (name, folder.read(name).map(|bytes| decode(reference, bytes))))
+        .map(|((name, _), reference)| (name, folder.read(name).map(|bytes| decode(reference, bytes))))
         .collect();
-    let mut files = BTreeMap::new();
+    let mut files = Vec::new();
     for (name, result) in read {
         match result {
-            Ok(decoded) => {
-                files.insert(name.to_owned(), decoded);
-            }
+            Ok(decoded) => files.push((name.to_owned(), decoded)),
             Err(error) => {
                 for reference in references.iter().filter(|reference| reference.name == name) {
                     report.push(missing_file(folder, name, &reference.cited_in, &reference.place, &error));
@@ -324,5 +325,6 @@ fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Ve
         }
     }
     inputs.sort();
+    inputs.dedup();
     (Some(source), inputs)
 }

@@ -1,0 +1,291 @@
+//! The artist's mistakes: each file `tests/mistakes/NAME.txt` damages the small sound garment `tests/garments/tube` and
+//! the exact message is `tests/mistakes/messages/NAME.snap`.
+//!
+//! A recipe begins with `# code: CODE`, the code that must be among the diagnostics, and a comment for people. Each
+//! other line is a step, its fields separated by ` | ` (see [`step`]).
+
+use kitsuke_pipeline::diagnostic::{self, Format};
+use kitsuke_pipeline::source;
+use proptest::prelude::*;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn tests_dir() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A copy of the small garment and its body that a test may damage.
+struct Workplace {
+    assets: tempfile::TempDir,
+    id: String,
+}
+
+impl Workplace {
+    fn new() -> Workplace {
+        let assets = tempfile::tempdir().unwrap();
+        copy_folder(&tests_dir().join("garments"), assets.path());
+        Workplace { assets, id: "tube".to_owned() }
+    }
+
+    fn garment(&self) -> PathBuf {
+        self.assets.path().join(&self.id)
+    }
+
+    fn messages(&self, format: Format) -> String {
+        let loaded = source::load(&self.garment());
+        let messages = diagnostic::render(&loaded.diagnostics, self.assets.path(), format);
+        messages.replace(&*self.assets.path().to_string_lossy(), "ASSETS")
+    }
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// Carries out one step of a recipe.
+fn step(place: &mut Workplace, step: &str) {
+    let fields: Vec<String> = step.split(" | ").map(|field| field.replace("\\n", "\n")).collect();
+    let fields: Vec<&str> = fields.iter().map(String::as_str).collect();
+    let garment = place.garment();
+    let at = |file: &str| garment.join(file);
+    let read = |file: &str| fs::read(at(file)).unwrap_or_else(|error| panic!("{step}: {error}"));
+    let read_text = |file: &str| String::from_utf8(read(file)).unwrap();
+    let write = |file: &str, bytes: &[u8]| fs::write(at(file), bytes).unwrap();
+    match fields[..] {
+        // The first occurrence, which must exist; in binary files, too.
+        ["replace", file, old, new] => {
+            let bytes = read(file);
+            let found = bytes.windows(old.len()).position(|window| window == old.as_bytes());
+            let start = found.unwrap_or_else(|| panic!("{step}: not found"));
+            write(file, &[&bytes[..start], new.as_bytes(), &bytes[start + old.len()..]].concat());
+        }
+        ["append", file, text] => write(file, &[&read(file)[..], text.as_bytes(), b"\n"].concat()),
+        ["write", file, text] => write(file, text.as_bytes()),
+        ["delete", file] => fs::remove_file(at(file)).unwrap(),
+        ["copy", from, to] => write(to, &read(from)),
+        ["rename", id] => {
+            fs::rename(&garment, place.assets.path().join(id)).unwrap();
+            place.id = id.to_owned();
+        }
+        ["twin", id] => copy_folder(&garment, &place.assets.path().join(id)),
+        ["utf16", file] => {
+            let units = read_text(file).encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+            write(file, &[b"\xff\xfe", &units[..]].concat());
+        }
+        // New coordinates, each as FACTOR?AXIS OFFSET?, for example `-x 1000y z+0.5`.
+        ["map", file, axes] => {
+            let axes: Vec<(f64, usize, f64)> = axes.split(' ').map(coordinate).collect();
+            let map = |p: [f64; 3]| [0, 1, 2].map(|i| axes[i].0 * p[axes[i].1] + axes[i].2);
+            write(file, with_vertices(&read_text(file), |all| all.into_iter().map(map).collect()).as_bytes());
+        }
+        // Positions in reverse order under the same faces.
+        ["reorder", file] => {
+            let reversed = with_vertices(&read_text(file), |all| all.into_iter().rev().collect());
+            write(file, reversed.as_bytes());
+        }
+        ["exchange", file, a, b] => {
+            let (a, b): (usize, usize) = (a.parse().unwrap(), b.parse().unwrap());
+            let exchanged = with_vertices(&read_text(file), |mut all| {
+                all.swap(a - 1, b - 1);
+                all
+            });
+            write(file, exchanged.as_bytes());
+        }
+        // Positions in reverse order, and the faces follow.
+        ["renumber", file] => {
+            let text = with_vertices(&read_text(file), |all| all.into_iter().rev().collect());
+            let count = text.lines().filter(|line| line.starts_with("v ")).count();
+            write(file, with_faces(&text, |face| face.into_iter().map(|v| count + 1 - v).collect()).as_bytes());
+        }
+        ["flip", file] => write(file, with_faces(&read_text(file), |face| face.into_iter().rev().collect()).as_bytes()),
+        // A target without texture coordinates, cut open along the texture seams of the base.
+        ["unweld", file] => {
+            let base = read_text("base.obj");
+            let target = read_text(file);
+            let positions: Vec<&str> = target.lines().filter(|line| line.starts_with("v ")).collect();
+            let corners = base.lines().filter(|line| line.starts_with("f ")).flat_map(|line| line[2..].split(' '));
+            let corners: Vec<(usize, usize)> = corners
+                .map(|corner| corner.split_once('/').unwrap())
+                .map(|(v, vt)| (vt.parse().unwrap(), v.parse().unwrap()))
+                .collect();
+            let vertex_of: std::collections::BTreeMap<usize, usize> = corners.iter().copied().collect();
+            let mut text: String = vertex_of.values().map(|v| format!("{}\n", positions[v - 1])).collect();
+            for face in corners.chunks(3) {
+                text += &format!("f {} {} {}\n", face[0].0, face[1].0, face[2].0);
+            }
+            write(file, text.as_bytes());
+        }
+        ["points", file] => {
+            let text = read_text(file);
+            let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with("f ")).collect();
+            write(file, lines.join("\n").as_bytes());
+        }
+        ["paint", file, side, grey] => {
+            let (side, grey) = (side.parse().unwrap(), grey.parse().unwrap());
+            image::GrayImage::from_pixel(side, side, image::Luma([grey])).save(at(file)).unwrap();
+        }
+        // Bytes of a GLB's binary chunk.
+        ["patch", file, offset, byte, count] => {
+            let mut bytes = read(file);
+            let chunk = bytes.windows(4).position(|window| window == b"BIN\0").unwrap() + 4;
+            let start = chunk + offset.parse::<usize>().unwrap();
+            bytes[start..start + count.parse::<usize>().unwrap()].fill(byte.parse().unwrap());
+            write(file, &bytes);
+        }
+        _ => panic!("no such step: {step}"),
+    }
+}
+
+fn coordinate(text: &str) -> (f64, usize, f64) {
+    let axis = text.find(['x', 'y', 'z']).unwrap();
+    let factor = match &text[..axis] {
+        "" => 1.0,
+        "-" => -1.0,
+        number => number.parse().unwrap(),
+    };
+    let offset = text[axis + 1..].parse().unwrap_or(0.0);
+    (factor, usize::from(text.as_bytes()[axis] - b'x'), offset)
+}
+
+fn with_vertices(text: &str, change: impl FnOnce(Vec<[f64; 3]>) -> Vec<[f64; 3]>) -> String {
+    let parse = |line: &str| {
+        let mut numbers = line[2..].split(' ').map(|number| number.parse::<f64>().unwrap());
+        std::array::from_fn(|_| numbers.next().unwrap())
+    };
+    let all = text.lines().filter(|line| line.starts_with("v ")).map(parse).collect();
+    let mut changed = change(all).into_iter();
+    let line = |line: &str| match line.starts_with("v ") {
+        true => changed.next().map(|[x, y, z]| format!("v {x:.4} {y:.4} {z:.4}\n")).unwrap(),
+        false => format!("{line}\n"),
+    };
+    text.lines().map(line).collect()
+}
+
+/// Faces of vertex numbers alone.
+fn with_faces(text: &str, change: impl Fn(Vec<usize>) -> Vec<usize>) -> String {
+    let line = |line: &str| match line.strip_prefix("f ") {
+        Some(corners) => {
+            let vertex = |corner: &str| corner.split('/').next().unwrap().parse().unwrap();
+            let face = change(corners.split(' ').map(vertex).collect());
+            format!("f {}\n", face.iter().map(usize::to_string).collect::<Vec<_>>().join(" "))
+        }
+        None => format!("{line}\n"),
+    };
+    text.lines().map(line).collect()
+}
+
+fn recipes() -> Vec<PathBuf> {
+    let entries = fs::read_dir(tests_dir().join("mistakes")).unwrap().map(|entry| entry.unwrap().path());
+    let mut recipes: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|e| e == "txt")).collect();
+    recipes.sort();
+    recipes
+}
+
+fn damaged(recipe: &str) -> Workplace {
+    let mut place = Workplace::new();
+    for line in recipe.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        step(&mut place, line);
+    }
+    place
+}
+
+/// Carries a recipe out and compares the messages with the snapshot; says what else is wrong.
+fn check(path: &Path) -> Result<(), String> {
+    let name = path.file_stem().unwrap().to_string_lossy();
+    let recipe = fs::read_to_string(path).unwrap();
+    let place = damaged(&recipe);
+    let messages = place.messages(Format::Human { color: false });
+    snapshots().bind(|| insta::assert_snapshot!(&*name, messages));
+    let code =
+        recipe.lines().next().and_then(|line| line.strip_prefix("# code: ")).expect("the first line is the code");
+    let diagnostics = source::load(&place.garment()).diagnostics;
+    let is_complete = |d: &diagnostic::Diagnostic| !d.problem.is_empty() && !d.help.is_empty();
+    if !diagnostics.iter().any(|d| d.code == code) || !diagnostics.iter().all(is_complete) {
+        return Err(format!("{name}: no `{code}`, or an empty message, among\n{messages}"));
+    }
+    Ok(())
+}
+
+fn snapshots() -> insta::Settings {
+    let mut settings = insta::Settings::clone_current();
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.set_snapshot_path(tests_dir().join("mistakes/messages"));
+    settings
+}
+
+#[test]
+fn the_small_garment_is_sound() {
+    let place = Workplace::new();
+    let loaded = source::load(&place.garment());
+    assert_eq!(loaded.diagnostics, []);
+    let mut inputs = source::input_files(&place.garment()).unwrap();
+    inputs.sort();
+    assert_eq!(loaded.inputs, inputs, "both ways to read name the same inputs");
+    assert_eq!(inputs.len(), 12);
+}
+
+#[test]
+fn every_mistake_has_its_message() {
+    let recipes = recipes();
+    assert!(recipes.len() >= 25, "{} recipes", recipes.len());
+    let wrong: Vec<String> = recipes.iter().filter_map(|recipe| check(recipe).err()).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_message_has_its_recipe() {
+    for entry in fs::read_dir(tests_dir().join("mistakes/messages")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let is_format = name.starts_with("format_");
+        assert!(is_format || tests_dir().join(format!("mistakes/{name}.txt")).exists(), "{} is stale", path.display());
+    }
+}
+
+#[test]
+fn machine_formats_are_stable() {
+    let place = damaged(&fs::read_to_string(tests_dir().join("mistakes/many-at-once.txt")).unwrap());
+    let json = place.messages(Format::Json);
+    for line in json.lines() {
+        serde_json::from_str::<serde_json::Value>(line).unwrap();
+    }
+    snapshots().bind(|| {
+        insta::assert_snapshot!("format_json", json);
+        insta::assert_snapshot!("format_github", place.messages(Format::Github));
+    });
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
+
+    /// Damaged anywhere, every file of the garment is read or refused, and what is said can be shown.
+    #[test]
+    fn random_damage_never_panics(file in 0..12usize, damage in prop::collection::vec((any::<u32>(), any::<u8>()), 1..6), cut: Option<u16>) {
+        let place = Workplace::new();
+        let files = source::input_files(&place.garment()).unwrap();
+        let path = place.assets.path().join(&files[file].path);
+        let mut bytes = fs::read(&path).unwrap();
+        for (at, value) in damage {
+            let at = at as usize % bytes.len();
+            bytes[at] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(usize::from(cut) % bytes.len());
+        }
+        fs::write(&path, bytes).unwrap();
+        for format in [Format::Human { color: false }, Format::Json, Format::Github] {
+            let _ = place.messages(format);
+        }
+        let _ = source::input_files(&place.garment());
+    }
+}
