@@ -18,6 +18,7 @@ pub mod scene;
 pub mod sheet;
 pub mod skin;
 pub mod source;
+pub mod texture;
 pub mod verify;
 mod weights;
 

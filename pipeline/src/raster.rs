@@ -1,11 +1,10 @@
 //! Pictures of meshes, drawn in software: the same bytes on every machine and any number of threads. Knows triangles,
-//! colours and a camera; knows no garment and no file but the texture's PNG.
+//! colours and a camera; knows no garment and no file.
 
+use crate::texture::{Texture, linear, srgb};
 use glam::{Mat3, Vec2, Vec3};
-use image::{ImageError, ImageReader, RgbImage};
+use image::RgbImage;
 use rayon::prelude::*;
-use std::io::Cursor;
-use std::sync::LazyLock;
 
 /// Samples per pixel along x and along y.
 const SAMPLES: usize = 3;
@@ -15,8 +14,6 @@ const BAND_ROWS: usize = 16 * SAMPLES;
 const SUBSAMPLE: f32 = 256.0;
 /// Nothing nearer to a perspective camera is drawn, metres.
 const NEAR_M: f32 = 0.01;
-/// Longest side of a texture, pixels.
-const TEXTURE_PX: u32 = 8192;
 
 /// A mesh with its colours.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +76,6 @@ pub fn render(shapes: &[Shape<'_>], camera: &Camera, [width_px, height_px]: [u32
     let samples = [width_px as usize * SAMPLES, height_px as usize * SAMPLES];
     let view = View::new(camera, samples);
     let triangles: Vec<Triangle> = shapes.iter().enumerate().flat_map(|(i, shape)| view.triangles(i, shape)).collect();
-    let background = background.map(|c| LINEAR[usize::from(c)]);
     let rows_per_band = BAND_ROWS / SAMPLES;
     let bands: Vec<Vec<u8>> = (0..(height_px as usize).div_ceil(rows_per_band))
         .into_par_iter()
@@ -87,7 +83,7 @@ pub fn render(shapes: &[Shape<'_>], camera: &Camera, [width_px, height_px]: [u32
             let first = band * BAND_ROWS;
             let rows = BAND_ROWS.min(samples[1] - first);
             let mut nearness = vec![f32::NEG_INFINITY; rows * samples[0]];
-            let mut colours = vec![Vec3::from(background); rows * samples[0]];
+            let mut colours = vec![linear(background); rows * samples[0]];
             for triangle in &triangles {
                 triangle.each_sample(samples[0], first..first + rows, |x, y, weights| {
                     let at = (y - first) * samples[0] + x;
@@ -114,79 +110,6 @@ pub fn smooth_normals(positions_m: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3>
         triangle.into_iter().for_each(|v| normals[v as usize] += doubled_area);
     }
     normals.into_iter().map(Vec3::normalize_or_zero).collect()
-}
-
-/// A base colour image, with its halves, quarters … for drawing it small.
-#[derive(Clone, Debug)]
-pub struct Texture {
-    levels: Vec<Level>,
-}
-
-#[derive(Clone, Debug)]
-struct Level {
-    width: usize,
-    height: usize,
-    /// Linear light, top row first.
-    texels: Vec<Vec3>,
-}
-
-impl Texture {
-    /// Decodes a PNG; transparency is ignored.
-    ///
-    /// # Errors
-    /// When the bytes are no PNG or a side is longer than 8192 pixels.
-    pub fn from_png(bytes: &[u8]) -> Result<Texture, ImageError> {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), image::ImageFormat::Png);
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(TEXTURE_PX);
-        limits.max_image_height = Some(TEXTURE_PX);
-        reader.limits(limits);
-        let image = reader.decode()?.into_rgb8();
-        let texels = image.pixels().map(|p| Vec3::from(p.0.map(|c| LINEAR[usize::from(c)]))).collect();
-        let mut levels = vec![Level { width: image.width() as usize, height: image.height() as usize, texels }];
-        while levels.last().is_some_and(|level| level.width.max(level.height) > 1) {
-            levels.push(levels[levels.len() - 1].half());
-        }
-        Ok(Texture { levels })
-    }
-
-    /// The colour at `uv` (v = 0 is the bottom row; repeats beyond 0..1), where a sample spans 2^`level` texels.
-    fn colour(&self, uv: Vec2, level: f32) -> Vec3 {
-        let level = level.clamp(0.0, (self.levels.len() - 1) as f32);
-        let (lower, part) = (level as usize, level.fract());
-        let coarse = &self.levels[(lower + 1).min(self.levels.len() - 1)];
-        self.levels[lower].colour(uv).lerp(coarse.colour(uv), part)
-    }
-}
-
-impl Level {
-    fn texel(&self, x: usize, y: usize) -> Vec3 {
-        self.texels[y * self.width + x]
-    }
-
-    fn half(&self) -> Level {
-        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
-        let (right, bottom) = (self.width - 1, self.height - 1);
-        let texels = (0..width * height)
-            .map(|i| {
-                let (x, y) = (i % width * 2, i / width * 2);
-                let (x1, y1) = ((x + 1).min(right), (y + 1).min(bottom));
-                (self.texel(x, y) + self.texel(x1, y) + self.texel(x, y1) + self.texel(x1, y1)) * 0.25
-            })
-            .collect();
-        Level { width, height, texels }
-    }
-
-    fn colour(&self, uv: Vec2) -> Vec3 {
-        let wrapped = |at: f32, count: usize| (at as i64).rem_euclid(count as i64) as usize;
-        let at = Vec2::new(uv.x * self.width as f32, (1.0 - uv.y) * self.height as f32) - 0.5;
-        let (corner, part) = (at.floor(), at - at.floor());
-        let (x0, x1) = (wrapped(corner.x, self.width), wrapped(corner.x + 1.0, self.width));
-        let (y0, y1) = (wrapped(corner.y, self.height), wrapped(corner.y + 1.0, self.height));
-        let upper = self.texel(x0, y0).lerp(self.texel(x1, y0), part.x);
-        let lower = self.texel(x0, y1).lerp(self.texel(x1, y1), part.x);
-        upper.lerp(lower, part.y)
-    }
 }
 
 /// A corner on the picture.
@@ -283,7 +206,7 @@ impl View {
         };
         let x = (at.x * weight * self.scale + self.samples[0] as f32 / 2.0) * SUBSAMPLE;
         let y = (-at.y * weight * self.scale + self.samples[1] as f32 / 2.0) * SUBSAMPLE;
-        let drawable = x.abs().max(y.abs()) < (1 << 28) as f32 && nearness.is_finite();
+        let drawable = at.is_finite() && x.abs().max(y.abs()) < (1 << 28) as f32;
         drawable.then(|| Corner { x: x.round() as i64, y: y.round() as i64, nearness, weight })
     }
 
@@ -319,7 +242,6 @@ impl View {
         let mean = |value: &dyn Fn(usize) -> Vec3| {
             value(at[0]) * weights[0] + value(at[1]) * weights[1] + value(at[2]) * weights[2]
         };
-        let linear = |colour: [u8; 3]| Vec3::from(colour.map(|c| LINEAR[usize::from(c)]));
         let albedo = match (shape.inside.filter(|_| !triangle.from_outside), shape.paint) {
             (Some(colour), _) | (None, Paint::Plain(colour)) => linear(colour),
             (None, Paint::PerVertex(colours)) => mean(&|v| linear(colours[v])),
@@ -339,8 +261,7 @@ impl View {
 
 fn texture_level(shape: &Shape<'_>, vertices: [u32; 3], doubled_area: i64) -> f32 {
     let Paint::Textured(texture, uv) = shape.paint else { return 0.0 };
-    let size = Vec2::new(texture.levels[0].width as f32, texture.levels[0].height as f32);
-    let [a, b, c] = vertices.map(|v| uv[v as usize] * size);
+    let [a, b, c] = vertices.map(|v| uv[v as usize] * texture.size_px());
     let texels = (b - a).perp_dot(c - a).abs();
     let samples = doubled_area as f32 / (SUBSAMPLE * SUBSAMPLE);
     0.5 * libm::log2f((texels / samples).max(1.0))
@@ -352,24 +273,8 @@ fn pixels(colours: &[Vec3], samples_per_row: usize) -> Vec<u8> {
     for rows in colours.chunks_exact(samples_per_row * SAMPLES) {
         for x in (0..samples_per_row).step_by(SAMPLES) {
             let sum: Vec3 = rows.chunks_exact(samples_per_row).flat_map(|row| &row[x..x + SAMPLES]).sum();
-            bytes.extend((sum / (SAMPLES * SAMPLES) as f32).to_array().map(srgb));
+            bytes.extend(srgb(sum / (SAMPLES * SAMPLES) as f32));
         }
     }
     bytes
-}
-
-/// Linear light of each sRGB byte (IEC 61966-2-1).
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|byte| match byte as f32 / 255.0 {
-        c if c <= 0.040_45 => c / 12.92,
-        c => libm::powf((c + 0.055) / 1.055, 2.4),
-    })
-});
-
-fn srgb(linear: f32) -> u8 {
-    let c = match linear.clamp(0.0, 1.0) {
-        c if c <= 0.003_130_8 => c * 12.92,
-        c => 1.055 * libm::powf(c, 1.0 / 2.4) - 0.055,
-    };
-    (c * 255.0).round() as u8
 }

@@ -2,7 +2,8 @@
 
 use crate::frames::{Shot, Stage, in_source_order};
 use crate::ir;
-use crate::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
+use crate::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use crate::texture::Texture;
 use glam::{Affine3A, Mat3, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;

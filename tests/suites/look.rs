@@ -9,9 +9,10 @@ use kitsuke_pipeline::frames::{
     Blend, Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj,
 };
 use kitsuke_pipeline::memo::Memo;
-use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, Texture, render, smooth_normals};
+use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::scene::{Colours, Framing, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_pipeline::texture::Texture;
 use kitsuke_tests::{small_garment, small_garment_data};
 use proptest::prelude::*;
 use std::path::Path;

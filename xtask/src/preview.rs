@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.bvh")]
     motion: Option<PathBuf>,
     /// How many frames of the motion
-    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=500), requires = "motion")]
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=100), requires = "motion")]
     frames: u16,
     /// Draw the wearer's legs in motion as well; a stride shows through a skirt that has no targets for it
     #[arg(long, requires = "motion")]
@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long)]
     kernel: Option<KernelName>,
     /// Height of a picture, pixels
-    #[arg(long, value_name = "PX", default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    #[arg(long, value_name = "PX", default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=2048))]
     height: u32,
     /// Cells per row
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=100))]
