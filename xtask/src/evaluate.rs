@@ -8,6 +8,7 @@ use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
 use kitsuke_pipeline::frames::{Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj};
 use kitsuke_pipeline::ir;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -69,7 +70,7 @@ pub fn run(args: Args) -> ExitCode {
 fn evaluate(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
     let garment = pack.garment();
-    let kernel = KernelName::of(args.kernel, garment);
+    let kernel = KernelName::of(args.kernel, garment)?;
     let source = if args.frames.motion.is_none() { args.places.source(&garment.data().id) } else { None };
     // Each shot with the positions of the file that it stands for, if it stands for one.
     let mut wanted_m: Vec<Option<&[Vec3]>> = Vec::new();
@@ -108,7 +109,8 @@ fn evaluate(args: &Args) -> Result<(), String> {
         }
     }
     println!("{} frames of {} vertices in {}", shots.len(), garment.unique_count(), args.out.display());
-    print_distances(garment, &shots, &wanted_m);
+    // A reader such as `head` may have gone.
+    _ = std::io::stdout().write_all(distances(garment, &shots, &wanted_m).as_bytes());
     Ok(())
 }
 
@@ -120,15 +122,18 @@ fn by_file<'a>(source: &'a ir::Garment, file: &str, shot: &Shot) -> Option<&'a [
     }
 }
 
-/// Prints how far each shot lies from its file.
-fn print_distances(garment: &Garment, shots: &[Shot], wanted_m: &[Option<&[Vec3]>]) {
+/// How far each shot lies from its file, a line each.
+fn distances(garment: &Garment, shots: &[Shot], wanted_m: &[Option<&[Vec3]>]) -> String {
+    let mut text = String::new();
     let mut stage = Stage::new(garment);
     for (shot, wanted_m) in shots.iter().zip(wanted_m) {
         let Some(wanted_m) = wanted_m.filter(|wanted_m| wanted_m.len() == garment.unique_count()) else { continue };
         let Distance { max_m, mean_m, vertex } =
             Distance::between(&in_source_order(garment, stage.show(shot).0), wanted_m);
-        println!("{:<28} max {:8.4} mm at vertex {vertex:<6} mean {:8.4} mm", shot.name, max_m * 1e3, mean_m * 1e3);
+        let (name, max_mm, mean_mm) = (&shot.name, max_m * 1e3, mean_m * 1e3);
+        text += &format!("{name:<28} max {max_mm:8.4} mm at vertex {vertex:<6} mean {mean_mm:8.4} mm\n");
     }
+    text
 }
 
 /// A name without what a file name cannot hold.

@@ -21,7 +21,8 @@ pub struct Args {
 pub fn run(args: Args) -> ExitCode {
     match inspect(&args.file) {
         Ok(text) => {
-            print!("{text}");
+            // A reader such as `head` may have gone.
+            _ = std::io::Write::write_all(&mut std::io::stdout(), text.as_bytes());
             ExitCode::SUCCESS
         }
         Err(message) => {

@@ -94,7 +94,7 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let id = &garment.data().id;
     let source = args.places.source(id);
     let scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
-    let kernel = KernelName::of(args.kernel, garment);
+    let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match &args.motion {
         Some(motion) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
         None => chosen(own_poses(garment), &args.only)?,

@@ -5,7 +5,7 @@ use kitsuke::Garment;
 use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::Pose;
 use kitsuke::skeleton::bvh::{self, Motion, Reference};
-use kitsuke_pipeline::diagnostic::{self, Diagnostic};
+use kitsuke_pipeline::diagnostic::{Diagnostic, Place};
 use kitsuke_pipeline::frames::{Blend, Shot};
 use kitsuke_pipeline::source::tables;
 use std::fs;
@@ -72,9 +72,17 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(unreadable)
 }
 
-/// Diagnostics as text, each with its snippet.
+/// Diagnostics as plain lines, the first 20 of them.
 pub fn said(report: &[Diagnostic]) -> String {
-    diagnostic::render(report, Path::new(""), diagnostic::Format::Human { color: false })
+    let line = |d: &Diagnostic| {
+        let place = if let Place::Line(line) = d.place { format!(":{line}") } else { String::new() };
+        format!("{}{place}: {}. {}", d.file, d.problem, d.help)
+    };
+    let mut lines: Vec<String> = report.iter().take(20).map(line).collect();
+    if report.len() > lines.len() {
+        lines.push(format!("… and {} more", report.len() - lines.len()));
+    }
+    lines.join("\n")
 }
 
 /// A kernel by its name on the command line.
@@ -88,11 +96,14 @@ pub enum KernelName {
 
 impl KernelName {
     /// The named kernel, or the garment's own.
-    pub fn of(name: Option<KernelName>, garment: &Garment) -> Kernel {
+    pub fn of(name: Option<KernelName>, garment: &Garment) -> Result<Kernel, String> {
         match name {
-            Some(KernelName::Paper) => Kernel::Paper,
-            Some(KernelName::Rbf) => Kernel::Rbf,
-            None => garment.kernel(),
+            Some(KernelName::Paper) => Ok(Kernel::Paper),
+            Some(KernelName::Rbf) if garment.kernel() != Kernel::Rbf => {
+                Err("this pack holds no kernel fitted to its samples; use --kernel paper".into())
+            }
+            Some(KernelName::Rbf) => Ok(Kernel::Rbf),
+            None => Ok(garment.kernel()),
         }
     }
 }
