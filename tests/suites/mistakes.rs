@@ -235,6 +235,39 @@ fn the_small_garment_is_sound() {
 }
 
 #[test]
+fn the_template_with_a_base_alone_lacks_only_targets() {
+    let assets = tempfile::tempdir().unwrap();
+    let sources = tests_dir().join("../assets-src");
+    copy_folder(&sources.join("_template"), &assets.path().join("mine"));
+    copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
+    fs::copy(sources.join("komon/base.obj"), assets.path().join("mine/base.obj")).unwrap();
+    let codes: Vec<&str> = source::load(&assets.path().join("mine")).diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(codes, ["no-targets"]);
+}
+
+#[test]
+fn the_schema_of_the_manifest_is_up_to_date() {
+    let committed = fs::read_to_string(tests_dir().join("../assets-src/garment.schema.json")).unwrap();
+    assert_eq!(committed, source::manifest::schema(), "run `cargo xtask schema`");
+}
+
+/// The sample's own table has joint positions besides; of a list of poses only the rotations are read.
+#[test]
+fn foreign_columns_of_a_pose_table_are_passed_over() {
+    let path = tests_dir().join("../../shared/data/komon/poses.csv");
+    let Ok(bytes) = fs::read(&path) else {
+        println!("skipped: {} is absent", path.display());
+        return;
+    };
+    let mut report = Vec::new();
+    let table = source::tables::read("poses.csv", &bytes, &mut report).unwrap();
+    assert_eq!((report.len(), table.rows.len(), table.bones.len()), (0, 19, 6));
+    let ours = fs::read(tests_dir().join("../assets-src/komon/poses.csv")).unwrap();
+    let ours = source::tables::read_rotations("poses.csv", &ours, &mut report).unwrap();
+    assert_eq!(table.poses(), ours.poses());
+}
+
+#[test]
 fn every_mistake_has_its_message() {
     let recipes = recipes();
     assert!(recipes.len() >= 25, "{} recipes", recipes.len());

@@ -6,6 +6,7 @@ mod check;
 mod ci;
 mod evaluate;
 mod inspect;
+mod new;
 mod places;
 mod preview;
 mod schema;
@@ -24,6 +25,7 @@ enum Verb {
     Ci(ci::Args),
     Evaluate(evaluate::Args),
     Inspect(inspect::Args),
+    New(new::Args),
     Preview(preview::Args),
     Schema(schema::Args),
 }
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
         Verb::Ci(args) => ci::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Inspect(args) => inspect::run(args),
+        Verb::New(args) => new::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Schema(args) => schema::run(args),
     }

@@ -1,0 +1,114 @@
+//! `cargo xtask new`: a kimono folder from `assets-src/_template` and the given shapes.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::{fs, io};
+
+/// The files of a new folder; `{name}` stands for the kimono's name.
+const MANIFEST: &str = include_str!("../../assets-src/_template/garment.toml");
+/// The pose table with its first row, the base.
+const POSES: &str = include_str!("../../assets-src/_template/poses.csv");
+
+/// The body that the template names, and where it lies.
+const BODY: &str = "bodies/b04.glb";
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src");
+
+/// Make a kimono folder from the template, from given OBJ files
+#[derive(clap::Args)]
+pub struct Args {
+    /// The kimono's ID, which becomes the folder's name: a-z, 0-9, _ and -.
+    id: String,
+    /// The base in the T-pose, then the targets, in the order of the pose table.
+    #[arg(long, num_args = 1.., value_names = ["BASE.obj", "TARGET.obj"])]
+    from: Vec<PathBuf>,
+    /// The folder that gets the new one.
+    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    into: PathBuf,
+}
+
+/// Makes the folder, or says why not; never touches one that exists.
+pub fn run(args: Args) -> ExitCode {
+    match make(&args) {
+        Ok(folder) => {
+            println!("{} is ready.", folder.display());
+            println!("1. Write each target's joint rotations into poses.csv; they are those of the T-pose still.");
+            println!("2. Look over unit, up and body in garment.toml.");
+            println!("3. cargo xtask check {} --assets {}", args.id, args.into.display());
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn make(args: &Args) -> Result<PathBuf, String> {
+    let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
+    if !args.id.starts_with(|c: char| c.is_ascii_alphanumeric()) || !args.id.chars().all(is_allowed) {
+        return Err(format!("`{}` is no ID: use a-z, 0-9, _ and -, beginning with a letter or digit", args.id));
+    }
+    // Before anything is written, so that a wrong path leaves nothing behind.
+    for shape in &args.from {
+        let is_obj = shape.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        if !is_obj || !shape.is_file() {
+            return Err(format!("{}: there is no such OBJ file", shape.display()));
+        }
+    }
+    let folder = args.into.join(&args.id);
+    let failed = |error: io::Error| format!("{}: {error}", folder.display());
+    fs::create_dir_all(&args.into).map_err(failed)?;
+    fs::create_dir(&folder).map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => format!("{} exists already; choose another ID", folder.display()),
+        _ => failed(error),
+    })?;
+    fill(&folder, args).map_err(failed)?;
+    Ok(folder)
+}
+
+fn fill(folder: &Path, args: &Args) -> io::Result<()> {
+    // The template names this body; a parent elsewhere gets a copy, since nothing outside it is read.
+    let body = args.into.join(BODY);
+    if !body.exists() {
+        fs::create_dir_all(body.parent().unwrap_or(&args.into))?;
+        fs::copy(Path::new(ASSETS).join(BODY), body)?;
+    }
+    fs::write(folder.join("garment.toml"), MANIFEST.replace("{name}", &args.id))?;
+    let mut poses = POSES.to_owned();
+    let rest = poses.lines().nth(1).and_then(|row| row.splitn(3, ',').nth(2)).unwrap_or_default().to_owned();
+    fs::create_dir(folder.join("poses"))?;
+    if let Some((base, targets)) = args.from.split_first() {
+        fs::copy(base, folder.join("base.obj"))?;
+        for (i, target) in targets.iter().enumerate() {
+            let name = pose_name(target);
+            let file = format!("poses/{:02}_{name}.obj", i + 1);
+            fs::copy(target, folder.join(&file))?;
+            poses += &format!("{file},{name},{rest}\n");
+        }
+    }
+    fs::File::create_new(folder.join("poses.csv"))?.write_all(poses.as_bytes())
+}
+
+/// A target's name from its file: `03 Both down.obj` gives `both_down`.
+fn pose_name(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let plain: String = stem.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let unnumbered = plain.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_').trim_end_matches('_');
+    if unnumbered.is_empty() { plain } else { unnumbered.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_poses() {
+        let check = |file: &str, expected: &str| assert_eq!(pose_name(Path::new(file)), expected);
+        check("shapes/03_both_down.obj", "both_down");
+        check("03 Both down.OBJ", "both_down");
+        check("komon_pose_01_a_pose_45.obj", "komon_pose_01_a_pose_45");
+        check("17.obj", "17");
+        check("腕.obj", "腕");
+    }
+}
