@@ -132,7 +132,7 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
             let squares = joints.iter().map(|&bone| {
                 let column = data.poses.bones.iter().position(|&b| b == bone).unwrap();
                 let (a, b) = (pose.rotation(bone).as_dquat(), data.poses.row(row)[column].as_dquat());
-                (2.0 * a.normalize().dot(b.normalize()).abs().min(1.0).acos()).powi(2)
+                (2.0 * libm::acos(a.normalize().dot(b.normalize()).abs().min(1.0))).powi(2)
             });
             let difference_rad = squares.sum::<f64>().sqrt();
             if difference_rad <= f64::from(*threshold_rad) { 1.0 / difference_rad.max(1e-5) } else { 0.0 }
