@@ -9,7 +9,7 @@ use kitsuke::skeleton::Bone;
 use rayon::prelude::*;
 
 /// Counts up whenever the same input gives other masks.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// How regions grow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,13 +68,21 @@ fn grown(
 ) -> Result<Vec<u16>, StageError> {
     let vertex_count = base.positions_m.len();
     let driver_count = angles.len();
-    let explained: Vec<Vec<f64>> = (0..vertex_count)
+    let influences: Vec<Vec<f64>> = (0..vertex_count)
         .into_par_iter()
         .map(|v| {
             let movement: Vec<f64> = deltas.iter().map(|delta| f64::from(delta[v].length())).collect();
-            normalised(nonnegative_least_squares(angles, &movement))
+            nonnegative_least_squares(angles, &movement)
         })
         .collect();
+    // A shoulder lifts the whole sleeve, an elbow moves less and less of it: each driver is measured by what it does
+    // elsewhere, or the strongest would own everything.
+    let usual: Vec<f64> = (0..driver_count)
+        .map(|d| (influences.iter().map(|row| row[d] * row[d]).sum::<f64>() / vertex_count as f64).sqrt())
+        .collect();
+    let relative = |(&influence, &usual): (&f64, &f64)| if usual > 0.0 { influence / usual } else { 0.0 };
+    let explained: Vec<Vec<f64>> =
+        influences.iter().map(|row| normalised(row.iter().zip(&usual).map(relative).collect())).collect();
 
     let neighbours = Neighbours::new(&base.positions_m, &base.triangles);
     // The diffusion forgets over sqrt(1 / anchor) edges.
