@@ -173,7 +173,7 @@ fn inside_out(base: &ir::Surface, body: &ir::Body) -> Option<Mistake> {
     let mut outward = 0.0;
     for &[a, b, c] in &base.triangles {
         let [a, b, c] = [a, b, c].map(|vertex| base.positions_m[vertex as usize]);
-        let Some(away) = away_from_bone((a + b + c) / 3.0) else { return None };
+        let away = away_from_bone((a + b + c) / 3.0)?;
         outward += (b - a).cross(c - a).dot(away.normalize_or_zero());
     }
     if outward >= 0.0 {
@@ -211,4 +211,45 @@ fn right_over_left(base: &ir::Surface) -> Option<Mistake> {
         "the right front panel lies over the left (左前)".to_owned(),
         "A kimono is worn left over right (右前); export without mirroring, or dress it anew.".to_owned(),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::obj;
+
+    /// The sample, whose mistakes `change` makes, must be refused with `code`.
+    fn check_sample(change: impl FnOnce(&mut ir::Surface), code: Option<&str>) {
+        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon");
+        let mut garment = crate::source::load(std::path::Path::new(sample)).garment.unwrap();
+        change(&mut garment.base);
+        let mut report = Vec::new();
+        let mesh = NamedMesh { file: "komon/base.obj", mesh: &obj::Mesh::default() };
+        let is_sound = check(mesh, &garment.base, LengthUnit::M, &garment.body, &mut report);
+        assert_eq!(report.first().map(|diagnostic| diagnostic.code), code);
+        assert_eq!(is_sound, code.is_none());
+    }
+
+    fn mirror(base: &mut ir::Surface) {
+        base.positions_m.iter_mut().for_each(|p| p.x = -p.x);
+        base.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
+
+    #[test]
+    fn the_front_is_worn_left_over_right() {
+        check_sample(|_| {}, None);
+        check_sample(mirror, Some("mirrored"));
+        let mirror_and_rename = |base: &mut ir::Surface| {
+            mirror(base);
+            for part in &mut base.parts {
+                part.name = match part.name.rsplit_once('_') {
+                    Some((piece, "left")) => format!("{piece}_right"),
+                    Some((piece, "right")) => format!("{piece}_left"),
+                    _ => continue,
+                };
+            }
+        };
+        check_sample(mirror_and_rename, Some("right-over-left"));
+        check_sample(|base| base.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2)), Some("inside-out"));
+    }
 }

@@ -178,8 +178,10 @@ pub(super) fn said_ratio(ratio: f32) -> String {
     }
 }
 
+type Turn = fn(Vec3) -> Vec3;
+
 /// Axes as an exporter may have written them, and what to say of it.
-const AXES: [(&str, &str, fn(Vec3) -> Vec3); 5] = [
+const AXES: [(&str, &str, Turn); 5] = [
     ("mirrored", "mirrored: left and right are exchanged", |p| Vec3::new(-p.x, p.y, p.z)),
     ("up-axis", "lying on its back or face: another axis points up", |p| Vec3::new(p.x, p.z, -p.y)),
     ("up-axis", "lying on its back or face: another axis points up", |p| Vec3::new(p.x, -p.z, p.y)),
@@ -188,9 +190,8 @@ const AXES: [(&str, &str, fn(Vec3) -> Vec3); 5] = [
 ];
 
 fn wrong_axes(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
-    let distance = |turn: fn(Vec3) -> Vec3| {
-        median(positions_m.iter().zip(base.positions_m).map(|(t, b)| turn(*t).distance(*b)).collect())
-    };
+    let distance =
+        |turn: Turn| median(positions_m.iter().zip(base.positions_m).map(|(t, b)| turn(*t).distance(*b)).collect());
     let as_is = distance(|p| p)?;
     let turned = AXES.iter().filter_map(|(code, said, turn)| Some((distance(*turn)?, *code, *said)));
     let (nearest, code, said) = turned.min_by(|a, b| a.0.total_cmp(&b.0))?;

@@ -336,6 +336,7 @@ fn shortened(word: &str) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::print_stdout)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
