@@ -85,9 +85,9 @@ fn small_rbf() -> Rbf {
             own: coefficients(0.1),
             joint: coefficients(-0.05),
         }],
-        width: 1.5,
         joint_width: 0.75,
         reach: 2.0,
+        ridge: 0.01,
     }
 }
 

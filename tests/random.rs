@@ -153,6 +153,6 @@ pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
         joint: coefficients(),
     });
     let groups: Vec<_> = groups.collect();
-    data.rbf = (!groups.is_empty()).then_some(Rbf { groups, width: 1.0, joint_width: 1.0, reach: 2.0 });
+    data.rbf = (!groups.is_empty()).then_some(Rbf { groups, joint_width: 1.0, reach: 2.0, ridge: 0.01 });
     Garment::new(data).expect("random garments keep the rules")
 }

@@ -335,6 +335,7 @@ fn check_drivers(
     let driver = |driver: &DriverEntry| {
         Some(ir::Driver {
             name: value(&driver.name)?.clone(),
+            group: value(&driver.group).or(value(&driver.name))?.clone(),
             joints: joints_of(driver).map(|(_, bone)| bone).collect(),
             threshold_rad: value(&driver.threshold)?.radians() as f32,
         })

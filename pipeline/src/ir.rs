@@ -86,6 +86,8 @@ pub struct TargetShape {
 pub struct Driver {
     /// The manifest's name.
     pub name: String,
+    /// Drivers of one group blend together (an arm); the driver's own name where the artist gives none.
+    pub group: String,
     /// Joints compared.
     pub joints: Vec<Bone>,
     /// Similar means no farther than this.

@@ -10,7 +10,9 @@ pub mod deltas;
 pub mod diagnostic;
 pub mod frames;
 pub mod ir;
+pub mod kernel;
 mod laplacian;
+pub mod leave_one_out;
 pub mod memo;
 pub mod raster;
 pub mod regions;
@@ -117,7 +119,11 @@ pub fn build_garment(
     tell("regions", None, origin);
 
     // The pack: small numbers in segments, checked, written, opened again and compared with the files.
-    let data = compress::compress(source, &skin, &masks, &deltas)?;
+    let mut data = compress::compress(source, &skin, &masks, &deltas)?;
+    let arms = kernel::arms(drivers, &body.skeleton);
+    let settings = kernel::Settings::default();
+    let scales = kernel::tune(&data, &arms, &settings)?;
+    data.rbf = Some(kernel::interpolate(&data, &arms, &scales)?);
     let garment = Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()))?;
     tell("compress", None, Origin::Computed);
     let pack = kitsuke::pack::write::write(&garment);

@@ -229,7 +229,8 @@ mod tests {
             (0..2 * n).map(|v| Vec3::new(0.02 * (v / 2) as f32, 0.02 * (v % 2) as f32, 0.0)).collect();
         let triangles = (0..2 * n as u32 - 2).map(|v| [v, v + 1, v + 2]).collect();
         let base = Surface { positions_m, triangles, ..Surface::default() };
-        let driver = |name: &str, bone| Driver { name: name.into(), joints: vec![bone], threshold_rad: 1.0 };
+        let driver =
+            |name: &str, bone| Driver { name: name.into(), group: name.into(), joints: vec![bone], threshold_rad: 1.0 };
         let drivers = vec![driver("left", Bone::LeftUpperArm), driver("right", Bone::RightUpperArm)];
         let turn = Quat::from_rotation_z(1.0);
         let target = |rotations| TargetShape {

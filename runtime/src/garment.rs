@@ -32,7 +32,7 @@ pub mod limits {
     pub const NAME_BYTES: usize = 256;
     /// Most joints in a chain of the default kernel.
     pub const CHAIN: usize = 16;
-    /// Largest width or scale of the default kernel.
+    /// Largest width, ridge or scale of the default kernel.
     pub const RBF_WIDTH: f64 = 1e3;
     /// Largest coefficient of the default kernel, either sign.
     pub const RBF_COEFFICIENT: f64 = 1e9;
@@ -374,8 +374,8 @@ pub enum InvalidGarment {
         /// How many vertices its segments have.
         expected: usize,
     },
-    /// A width of the default kernel is out of range.
-    #[error("the widths of the default kernel must be above 0 and at most {max}", max = limits::RBF_WIDTH)]
+    /// A width or the ridge of the default kernel is out of range.
+    #[error("the widths and the ridge of the default kernel must be above 0 and at most {max}", max = limits::RBF_WIDTH)]
     RbfWidth,
     /// A group names a driver that does not exist or is in another group too.
     #[error("driver {driver} of group {group} does not exist or is in two groups")]
@@ -546,8 +546,8 @@ fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
 
 fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     let Some(rbf) = &data.rbf else { return Ok(()) };
-    let usable = |width: f64| width > 1e-6 && width <= limits::RBF_WIDTH;
-    if !(usable(rbf.width) && usable(rbf.joint_width) && usable(rbf.reach)) {
+    let usable = |width: f64| width > 1e-9 && width <= limits::RBF_WIDTH;
+    if ![rbf.joint_width, rbf.reach, rbf.ridge].into_iter().all(usable) {
         return Err(InvalidGarment::RbfWidth);
     }
     check_count("groups", rbf.groups.len(), 1, limits::DRIVERS)?;

@@ -169,7 +169,7 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
         let all = rbf.groups.iter().map(|group| squared(group, row)).sum::<f64>().sqrt();
         let t = (2.0 * own / rbf.reach - 1.0).clamp(0.0, 1.0);
         far *= t.powi(3) * (t * (6.0 * t - 15.0) + 10.0);
-        let phi = 1.0 / (1.0 + (own / rbf.width).powi(2)).sqrt();
+        let phi = 1.0 / (1.0 + own.powi(2)).sqrt();
         let r = (all / rbf.joint_width).min(1.0);
         let psi = (1.0 - r).powi(4) * (4.0 * r + 1.0);
         for (target, rate) in rates.iter_mut().enumerate() {

@@ -106,8 +106,11 @@ const BROKEN: &[(Change, &str)] = &[
         |g| g.poses.rotations[0] = Quat::from_xyzw(0.0, f32::NAN, 0.0, 1.0),
         "the rotation of leftUpperArm in row 0 of the pose table is no unit quaternion",
     ),
-    (|g| rbf(g).reach = 0.0, "the widths of the default kernel must be above 0 and at most 1000"),
-    (|g| rbf(g).width = f64::NAN, "the widths of the default kernel must be above 0 and at most 1000"),
+    (|g| rbf(g).reach = 0.0, "the widths and the ridge of the default kernel must be above 0 and at most 1000"),
+    (
+        |g| rbf(g).joint_width = f64::NAN,
+        "the widths and the ridge of the default kernel must be above 0 and at most 1000",
+    ),
     (|g| rbf(g).groups.clear(), "there are 0 groups; 1 to 32 are possible"),
     (|g| rbf(g).groups[0].drivers.push(2), "driver 2 of group 0 does not exist or is in two groups"),
     (|g| rbf(g).groups[0].drivers.push(1), "driver 1 of group 0 does not exist or is in two groups"),

@@ -6,6 +6,7 @@ mod check;
 mod ci;
 mod evaluate;
 mod inspect;
+mod leave_one_out;
 mod new;
 mod places;
 mod preview;
@@ -25,6 +26,7 @@ enum Verb {
     Ci(ci::Args),
     Evaluate(evaluate::Args),
     Inspect(inspect::Args),
+    LeaveOneOut(leave_one_out::Args),
     New(new::Args),
     Preview(preview::Args),
     Schema(schema::Args),
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         Verb::Ci(args) => ci::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Inspect(args) => inspect::run(args),
+        Verb::LeaveOneOut(args) => leave_one_out::run(args),
         Verb::New(args) => new::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Schema(args) => schema::run(args),

@@ -66,6 +66,9 @@ pub struct DriverEntry {
     /// Poses farther away than this are not similar.
     #[schemars(required)]
     pub threshold: Option<Field<Angle>>,
+    /// Drivers of one group blend together, for example the shoulder and the elbow that move the same sleeve. By
+    /// default every driver is a group of its own.
+    pub group: Option<Field<String>>,
     /// The painted region, a grey PNG file in the texture's space; needed when `regions = "painted"`.
     pub mask: Option<Field<String>>,
 }
@@ -224,8 +227,8 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
     up.iter().for_each(|field| report_wrong(file, field, report));
     budget.iter().for_each(|field| report_wrong(file, field, report));
     regions.iter().for_each(|field| report_wrong(file, field, report));
-    for DriverEntry { name, joints, threshold, mask } in drivers {
-        name.iter().chain(mask).for_each(|field| report_wrong(file, field, report));
+    for DriverEntry { name, joints, threshold, group, mask } in drivers {
+        name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));
         threshold.iter().for_each(|field| report_wrong(file, field, report));
         joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
     }

@@ -48,7 +48,7 @@
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
-//! | `RBFS` | `flag` has a default kernel, and if so: `f64` width, joint width and reach, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
+//! | `RBFS` | `flag` has a default kernel, and if so: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
 //! on both sides.
@@ -422,7 +422,7 @@ pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>
     if !from.flag()? {
         return Ok(None);
     }
-    let [width, joint_width, reach] = [from.f64()?, from.f64()?, from.f64()?];
+    let [joint_width, reach, ridge] = [from.f64()?, from.f64()?, from.f64()?];
     let coefficients = (info.targets + 1) * info.targets;
     let groups = (0..from.u8()?)
         .map(|_| {
@@ -435,7 +435,7 @@ pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>
             Ok(Group { name, drivers, chain, own, joint })
         })
         .collect::<Result<_, _>>()?;
-    Ok(Some(Rbf { groups, width, joint_width, reach }))
+    Ok(Some(Rbf { groups, joint_width, reach, ridge }))
 }
 
 fn read_chain_joint(from: &mut Reader<'_>) -> Result<ChainJoint, ContentProblem> {
@@ -448,7 +448,7 @@ fn read_chain_joint(from: &mut Reader<'_>) -> Result<ChainJoint, ContentProblem>
 pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
     to.flag(rbf.is_some());
     let Some(rbf) = rbf else { return };
-    to.f64s(&[rbf.width, rbf.joint_width, rbf.reach]);
+    to.f64s(&[rbf.joint_width, rbf.reach, rbf.ridge]);
     to.u8(rbf.groups.len() as u8);
     for group in &rbf.groups {
         to.text(&group.name);

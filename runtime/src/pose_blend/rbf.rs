@@ -8,7 +8,7 @@
 //! sign of quaternions. With D_g the distance in one group and D² the sum of D_g² over all groups,
 //!
 //! ```text
-//! rates_g = σ_g · ( φ(D_g / width) · own_g  +  ψ(D / joint_width) · joint_g )
+//! rates_g = σ_g · ( φ(D_g) · own_g  +  ψ(D / joint_width) · joint_g )
 //! ```
 //!
 //! - φ(r) = 1/√(1 + r²), an inverse multiquadric: the shape of an arm from that arm's pose alone, with a ridge that
@@ -31,12 +31,12 @@ use glam::{DQuat, DVec3};
 pub struct Rbf {
     /// Drivers that blend together; every driver is in exactly one group.
     pub groups: Vec<Group>,
-    /// Distance at which a sample's own influence has fallen to 0.7; above 0.
-    pub width: f64,
     /// Distance over all groups beyond which a sample's correction ends; above 0.
     pub joint_width: f64,
     /// Distance from every sample beyond which the skinned base remains; above 0.
     pub reach: f64,
+    /// Ridge with which `own` was solved, above 0: unused per frame, and needed to solve it anew without a sample.
+    pub ridge: f64,
 }
 
 /// Drivers that blend together, usually those of one arm.
@@ -101,8 +101,8 @@ pub fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 
 /// φ of a squared distance: 1 at 0, slowly falling, smooth everywhere.
 #[must_use]
-pub fn inverse_multiquadric(squared_distance: f64, width: f64) -> f64 {
-    1.0 / (1.0 + squared_distance / (width * width)).sqrt()
+pub fn inverse_multiquadric(squared_distance: f64) -> f64 {
+    1.0 / (1.0 + squared_distance).sqrt()
 }
 
 /// ψ of a squared distance: 1 at 0, twice smoothly differentiable, 0 beyond the width.
@@ -209,7 +209,7 @@ pub fn rbf(garment: &Garment, pose: &Pose, rates: &mut Rates) {
         if kept > 0.0 {
             let coefficients = group.own.chunks_exact(targets.max(1)).zip(group.joint.chunks_exact(targets.max(1)));
             for ((&own, &summed), (own_row, joint_row)) in own.iter().zip(summed.iter()).zip(coefficients) {
-                accumulate(row, kept * inverse_multiquadric(own, rbf.width), own_row);
+                accumulate(row, kept * inverse_multiquadric(own), own_row);
                 accumulate(row, kept * wendland(summed, rbf.joint_width), joint_row);
             }
         }

@@ -1,0 +1,448 @@
+//! The default kernel of a garment: which turning of which joint matters how much to the shape, and the coefficients
+//! that interpolate the samples. Knows the arrays of a pack; how they are used per frame stands in
+//! [`kitsuke::pose_blend::rbf`].
+//!
+//! What matters is decided by leaving one sample out: every target's shape is predicted from the other samples, and
+//! the scales are chosen so that these predictions err least, measured on the cloth, not on the rates. Each trial costs
+//! only matrices as large as the number of samples, because the error of a blend is a quadratic form of its rates.
+
+use crate::StageError;
+use crate::ir;
+use argmin::core::{CostFunction, Executor, State};
+use argmin::solver::neldermead::NelderMead;
+use glam::{DQuat, DVec3};
+use kitsuke::garment::GarmentData;
+use kitsuke::pose_blend::rbf::{
+    ChainJoint, Group, Rbf, embed, embedding_length, inverse_multiquadric, squared_distance, wendland,
+};
+use kitsuke::skeleton::{Bone, Skeleton};
+
+/// Counts up whenever the same input gives another kernel.
+pub const VERSION: u32 = 1;
+
+/// Where the search for scales begins and may go.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Scale of the direction in which a bone points, at the start.
+    pub swing: f64,
+    /// Scale of the turn about it, at the start.
+    pub twist: f64,
+    /// Smallest and largest scale.
+    pub scales: (f64, f64),
+    /// Width of what is left over after an arm's own shape, at the start; relative to the same distances.
+    pub joint_width: f64,
+    /// Narrowest and widest.
+    pub joint_widths: (f64, f64),
+    /// Ridge of the arm's own shape, at the start.
+    pub ridge: f64,
+    /// Smallest and largest ridge: below, coefficients that cancel cost digits; above, samples are averaged away.
+    pub ridges: (f64, f64),
+    /// Trials of the search.
+    pub trials: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            swing: 0.4,
+            twist: 0.2,
+            scales: (0.02, 2.0),
+            joint_width: 0.5,
+            joint_widths: (0.3, 3.0),
+            ridge: 3e-3,
+            ridges: (1e-3, 1e-1),
+            trials: 1500,
+        }
+    }
+}
+
+/// What the search chooses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scales {
+    /// Swing and twist by place in the chain, the same for all groups: an arm is an arm.
+    pub joints: Vec<[f64; 2]>,
+    /// See [`Rbf::joint_width`].
+    pub joint_width: f64,
+    /// Added to the diagonal of the arm's own system.
+    pub ridge: f64,
+}
+
+/// Drivers that blend together, before scales and coefficients are known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arm {
+    /// The group's name.
+    pub name: String,
+    /// Its drivers.
+    pub drivers: Vec<u8>,
+    /// Their joints, from the trunk outward, with the direction of each bone.
+    pub chain: Vec<(Bone, DVec3)>,
+}
+
+/// The groups of the artist's drivers, in the order in which they first occur.
+#[must_use]
+pub fn arms(drivers: &[ir::Driver], skeleton: &Skeleton) -> Vec<Arm> {
+    let mut arms: Vec<Arm> = Vec::new();
+    for (number, driver) in drivers.iter().enumerate() {
+        match arms.iter_mut().find(|arm| arm.name == driver.group) {
+            Some(arm) => arm.drivers.push(number as u8),
+            None => arms.push(Arm { name: driver.group.clone(), drivers: vec![number as u8], chain: Vec::new() }),
+        }
+    }
+    for arm in &mut arms {
+        let moves = |bone: &Bone| arm.drivers.iter().any(|&driver| drivers[usize::from(driver)].joints.contains(bone));
+        let bones = skeleton.joints().iter().map(|joint| joint.bone).filter(moves);
+        arm.chain = bones.map(|bone| (bone, direction(skeleton, bone))).collect();
+    }
+    arms
+}
+
+/// The groups and scales with which a garment's default kernel was made; `None` where it has none.
+#[must_use]
+pub fn arms_and_scales(data: &GarmentData) -> Option<(Vec<Arm>, Scales)> {
+    let rbf = data.rbf.as_ref()?;
+    let arm = |group: &Group| Arm {
+        name: group.name.clone(),
+        drivers: group.drivers.clone(),
+        chain: group.chain.iter().map(|joint| (joint.bone, joint.axis)).collect(),
+    };
+    let longest = rbf.groups.iter().map(|group| &group.chain).max_by_key(|chain| chain.len())?;
+    let joints = longest.iter().map(|joint| [joint.swing, joint.twist]).collect();
+    let scales = Scales { joints, joint_width: rbf.joint_width, ridge: rbf.ridge };
+    Some((rbf.groups.iter().map(arm).collect(), scales))
+}
+
+/// Where a bone points in the T-pose: to its first child, else away from its parent.
+fn direction(skeleton: &Skeleton, bone: Bone) -> DVec3 {
+    let joints = skeleton.joints();
+    let index = skeleton.index_of(bone).expect("a checked driver's joint is in the skeleton");
+    let child = joints.iter().find(|joint| joint.parent.is_some_and(|parent| usize::from(parent) == index));
+    let from_parent = joints[index].parent.map(|parent| (joints[usize::from(parent)].rest_m, joints[index].rest_m));
+    let ends = child.map(|child| (joints[index].rest_m, child.rest_m)).or(from_parent);
+    ends.and_then(|(from, to)| (to - from).as_dvec3().try_normalize()).unwrap_or(DVec3::Y)
+}
+
+/// Chooses the scales by leave-one-out error.
+///
+/// # Errors
+/// When the search cannot run.
+pub fn tune(data: &GarmentData, arms: &[Arm], settings: &Settings) -> Result<Scales, StageError> {
+    let longest = arms.iter().map(|arm| arm.chain.len()).max().unwrap_or(0);
+    let start = Scales {
+        joints: vec![[settings.swing, settings.twist]; longest],
+        joint_width: settings.joint_width,
+        ridge: settings.ridge,
+    };
+    if data.targets.len() < 3 {
+        // Too few samples to leave one out.
+        return Ok(start);
+    }
+    let search = Search { data, arms, settings, products: arms.iter().map(|arm| products(data, arm)).collect() };
+    let first = to_logarithms(&start);
+    let mut simplex = vec![first.clone()];
+    for i in 0..first.len() {
+        let mut corner = first.clone();
+        corner[i] += 0.7;
+        simplex.push(corner);
+    }
+    let failed = |error: argmin::core::Error| StageError::new("kernel", error.to_string());
+    let solver = NelderMead::new(simplex).with_sd_tolerance(1e-7).map_err(failed)?;
+    let result = Executor::new(search, solver)
+        .configure(|state| state.max_iters(settings.trials))
+        .timer(false)
+        .run()
+        .map_err(failed)?;
+    let best =
+        result.state().get_best_param().ok_or_else(|| StageError::new("kernel", "the search found no scales"))?;
+    Ok(from_logarithms(best, settings))
+}
+
+/// The search: logarithms of the scales in, leave-one-out error out.
+struct Search<'a> {
+    data: &'a GarmentData,
+    arms: &'a [Arm],
+    settings: &'a Settings,
+    /// Per arm the inner products of the samples' deltas, m².
+    products: Vec<Matrix>,
+}
+
+impl CostFunction for Search<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    /// Mean over arms and targets of the root mean square error over the cloth, plus a little for leaving the start,
+    /// so that a scale that does not matter stays where it is.
+    fn cost(&self, logarithms: &Vec<f64>) -> Result<f64, argmin::core::Error> {
+        let scales = from_logarithms(logarithms, self.settings);
+        let distances = Distances::new(self.data, self.arms, &scales);
+        let mut sum = 0.0;
+        for left_out in 1..distances.samples {
+            let others: Vec<usize> = (0..distances.samples).filter(|&sample| sample != left_out).collect();
+            let rows = distances.rates(&others, left_out, &scales);
+            for (row, products) in rows.into_iter().zip(&self.products) {
+                let Some(row) = row else { return Ok(f64::INFINITY) };
+                let mut apart = vec![0.0; distances.samples];
+                others.iter().zip(row).for_each(|(&sample, rate)| apart[sample] = rate);
+                apart[left_out] -= 1.0;
+                sum += products.quadratic_form(&apart).max(0.0).sqrt();
+            }
+        }
+        let count = (distances.samples - 1) * self.arms.len();
+        let strayed: f64 = logarithms.iter().zip(self.start()).map(|(a, b)| (a - b) * (a - b)).sum();
+        Ok(sum / count as f64 * (1.0 + 1e-4 * strayed))
+    }
+}
+
+impl Search<'_> {
+    fn start(&self) -> Vec<f64> {
+        let longest = self.arms.iter().map(|arm| arm.chain.len()).max().unwrap_or(0);
+        let joints = vec![[self.settings.swing, self.settings.twist]; longest];
+        to_logarithms(&Scales { joints, joint_width: self.settings.joint_width, ridge: self.settings.ridge })
+    }
+}
+
+fn to_logarithms(scales: &Scales) -> Vec<f64> {
+    let scalars = scales.joints.iter().flatten().chain([&scales.joint_width, &scales.ridge]);
+    scalars.map(|&scalar| libm::log(scalar)).collect()
+}
+
+fn from_logarithms(logarithms: &[f64], settings: &Settings) -> Scales {
+    let (joints, rest) = logarithms.split_at(logarithms.len() - 2);
+    let within = |logarithm: f64, (least, most): (f64, f64)| libm::exp(logarithm).clamp(least, most);
+    Scales {
+        joints: joints.as_chunks::<2>().0.iter().map(|pair| pair.map(|x| within(x, settings.scales))).collect(),
+        joint_width: within(rest[0], settings.joint_widths),
+        ridge: within(rest[1], settings.ridges),
+    }
+}
+
+/// The kernel with these scales: coefficients that give every sample back.
+///
+/// # Errors
+/// When two samples are too near to each other to be told apart, naming them.
+pub fn interpolate(data: &GarmentData, arms: &[Arm], scales: &Scales) -> Result<Rbf, StageError> {
+    let distances = Distances::new(data, arms, scales);
+    let all: Vec<usize> = (0..distances.samples).collect();
+    let too_near = || {
+        let (a, b) = distances.nearest_pair();
+        let name = |row: usize| if row == 0 { "the base" } else { data.targets[row - 1].name.as_str() };
+        StageError::new("kernel", format!("the poses of {} and {} cannot be told apart", name(a), name(b)))
+    };
+    let joint_inverse = distances.joint_system(&all, scales).inverse().ok_or_else(too_near)?;
+    let mut groups = Vec::new();
+    for (number, arm) in arms.iter().enumerate() {
+        let own_inverse = distances.own_system(number, &all, scales).inverse().ok_or_else(too_near)?;
+        // What the arm's own shape K (K + ridge)⁻¹ leaves of each sample is I - K (K + ridge)⁻¹ = ridge (K + ridge)⁻¹.
+        let left = joint_inverse.times(&own_inverse);
+        let joint = Matrix::new(left.size, |i, j| scales.ridge * left.at(i, j));
+        groups.push(Group {
+            name: arm.name.clone(),
+            drivers: arm.drivers.clone(),
+            chain: chain(arm, scales),
+            own: own_inverse.without_first_column(),
+            joint: joint.without_first_column(),
+        });
+    }
+    Ok(Rbf { groups, joint_width: scales.joint_width, reach: distances.reach(), ridge: scales.ridge })
+}
+
+fn chain(arm: &Arm, scales: &Scales) -> Vec<ChainJoint> {
+    let joints = arm.chain.iter().zip(&scales.joints);
+    joints.map(|(&(bone, axis), &[swing, twist])| ChainJoint { bone, axis, swing, twist }).collect()
+}
+
+/// Squared distances of all samples, the base first.
+struct Distances {
+    samples: usize,
+    own: Vec<Matrix>,
+    summed: Matrix,
+}
+
+impl Distances {
+    fn new(data: &GarmentData, arms: &[Arm], scales: &Scales) -> Distances {
+        let samples = data.targets.len() + 1;
+        let own: Vec<Matrix> = arms
+            .iter()
+            .map(|arm| {
+                let chain = chain(arm, scales);
+                let embeddings: Vec<Vec<f64>> = (0..samples).map(|row| embedded_row(data, &chain, row)).collect();
+                Matrix::new(samples, |i, j| squared_distance(&embeddings[i], &embeddings[j]))
+            })
+            .collect();
+        let summed = Matrix::new(samples, |i, j| own.iter().map(|own| own.at(i, j)).sum());
+        Distances { samples, own, summed }
+    }
+
+    fn own_system(&self, arm: usize, rows: &[usize], scales: &Scales) -> Matrix {
+        let ridge = |i, j| if i == j { scales.ridge } else { 0.0 };
+        let own = &self.own[arm];
+        Matrix::new(rows.len(), |i, j| inverse_multiquadric(own.at(rows[i], rows[j])) + ridge(i, j))
+    }
+
+    fn joint_system(&self, rows: &[usize], scales: &Scales) -> Matrix {
+        Matrix::new(rows.len(), |i, j| wendland(self.summed.at(rows[i], rows[j]), scales.joint_width))
+    }
+
+    /// Per arm the rates of `rows` at the pose of `query`; `None` where the system is singular.
+    fn rates(&self, rows: &[usize], query: usize, scales: &Scales) -> Vec<Option<Vec<f64>>> {
+        let psi: Vec<f64> = rows.iter().map(|&row| wendland(self.summed.at(query, row), scales.joint_width)).collect();
+        let joint = self.joint_system(rows, scales).solve(&psi);
+        let arm = |(number, own): (usize, &Matrix)| {
+            let phi: Vec<f64> = rows.iter().map(|&row| inverse_multiquadric(own.at(query, row))).collect();
+            let system = self.own_system(number, rows, scales);
+            // As in `interpolate`: φ (K + ridge)⁻¹ + ψ J⁻¹ ridge (K + ridge)⁻¹ with symmetric J and K.
+            let joint = joint.as_ref()?;
+            let both: Vec<f64> = phi.iter().zip(joint).map(|(phi, joint)| phi + scales.ridge * joint).collect();
+            system.solve(&both)
+        };
+        self.own.iter().enumerate().map(arm).collect()
+    }
+
+    fn nearest_pair(&self) -> (usize, usize) {
+        let pairs = (0..self.samples).flat_map(|a| (0..a).map(move |b| (b, a)));
+        pairs.min_by(|&(a, b), &(c, d)| self.summed.at(a, b).total_cmp(&self.summed.at(c, d))).unwrap_or((0, 0))
+    }
+
+    /// Twice the largest distance of a sample to its nearest other pose in any one arm: as far beyond the samples as
+    /// they lie apart.
+    fn reach(&self) -> f64 {
+        let apart = |own: &Matrix, a: usize| {
+            let others = (0..self.samples).map(|b| own.at(a, b)).filter(|&squared| squared > 1e-6);
+            others.min_by(f64::total_cmp)
+        };
+        let widest = self.own.iter().flat_map(|own| (0..self.samples).filter_map(move |a| apart(own, a)));
+        2.0 * widest.max_by(f64::total_cmp).unwrap_or(1.0).sqrt()
+    }
+}
+
+fn embedded_row(data: &GarmentData, chain: &[ChainJoint], row: usize) -> Vec<f64> {
+    let mut embedding = vec![0.0; embedding_length(chain)];
+    let rotation = |bone| match data.poses.bones.iter().position(|&listed| listed == bone) {
+        Some(column) => data.poses.row(row)[column].as_dquat().normalize(),
+        None => DQuat::IDENTITY,
+    };
+    embed(chain, rotation, &mut embedding);
+    embedding
+}
+
+/// Inner products of the samples' deltas over the cloth that an arm owns, m² per vertex of the garment.
+fn products(data: &GarmentData, arm: &Arm) -> Matrix {
+    let samples = data.targets.len() + 1;
+    let mut sums = vec![0.0f64; samples * samples];
+    let mut first_delta = vec![0usize; data.targets.len()];
+    for (number, segment) in data.segments.iter().enumerate() {
+        let columns: Vec<usize> =
+            (0..segment.drivers.len()).filter(|&c| arm.drivers.contains(&segment.drivers[c])).collect();
+        let share = |v: usize| match segment.masks.chunks_exact(segment.drivers.len().max(1)).nth(v) {
+            Some(row) => columns.iter().map(|&c| f64::from(row[c])).sum::<f64>() / f64::from(u16::MAX),
+            None => {
+                if columns.is_empty() {
+                    0.0
+                } else {
+                    1.0
+                }
+            }
+        };
+        let count = segment.vertex_count as usize;
+        let shares: Vec<f64> = (0..count).map(share).collect();
+        let mut moving: Vec<(usize, f64, &[[i16; 3]])> = Vec::new();
+        for (t, target) in data.targets.iter().enumerate() {
+            if target.segments.contains(&(number as u16)) {
+                moving.push((t + 1, f64::from(target.step_m), &target.deltas[first_delta[t]..][..count]));
+                first_delta[t] += count;
+            }
+        }
+        for (at, &(i, step_i, a)) in moving.iter().enumerate() {
+            for &(j, step_j, b) in &moving[at..] {
+                let dot = |(a, b): (&[i16; 3], &[i16; 3])| -> i64 {
+                    a.iter().zip(b).map(|(&a, &b)| i64::from(a) * i64::from(b)).sum()
+                };
+                let sum: f64 = a.iter().zip(b).map(dot).zip(&shares).map(|(dot, share)| share * dot as f64).sum();
+                sums[i * samples + j] += sum * step_i * step_j;
+            }
+        }
+    }
+    let vertices = data.mesh.positions_m.len() as f64;
+    Matrix::new(samples, |i, j| sums[i.min(j) * samples + i.max(j)] / vertices)
+}
+
+/// A small square matrix. An own one, because the linear algebra libraries choose their kernels by the processor, and
+/// packs must be the same bytes on every machine.
+#[derive(Clone, Debug)]
+struct Matrix {
+    size: usize,
+    rows: Vec<f64>,
+}
+
+impl Matrix {
+    fn new(size: usize, at: impl Fn(usize, usize) -> f64) -> Matrix {
+        Matrix { size, rows: (0..size * size).map(|i| at(i / size, i % size)).collect() }
+    }
+
+    fn at(&self, i: usize, j: usize) -> f64 {
+        self.rows[i * self.size + j]
+    }
+
+    fn row(&self, i: usize) -> &[f64] {
+        &self.rows[i * self.size..(i + 1) * self.size]
+    }
+
+    fn times_vector(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.size).map(|i| self.row(i).iter().zip(x).map(|(a, x)| a * x).sum()).collect()
+    }
+
+    fn times(&self, other: &Matrix) -> Matrix {
+        Matrix::new(self.size, |i, j| (0..self.size).map(|k| self.at(i, k) * other.at(k, j)).sum())
+    }
+
+    fn quadratic_form(&self, x: &[f64]) -> f64 {
+        self.times_vector(x).iter().zip(x).map(|(a, x)| a * x).sum()
+    }
+
+    fn without_first_column(&self) -> Vec<f64> {
+        (0..self.size).flat_map(|i| &self.row(i)[1..]).copied().collect()
+    }
+
+    /// The lower Cholesky factor, if the matrix is symmetric and positive definite.
+    fn cholesky(&self) -> Option<Matrix> {
+        let mut factor = Matrix { size: self.size, rows: vec![0.0; self.rows.len()] };
+        for i in 0..self.size {
+            for j in 0..=i {
+                let known: f64 = (0..j).map(|k| factor.at(i, k) * factor.at(j, k)).sum();
+                let left = self.at(i, j) - known;
+                factor.rows[i * self.size + j] = match i == j {
+                    // Far above rounding, far below what two poses a degree apart leave.
+                    true => (left > 1e-12).then(|| left.sqrt())?,
+                    false => left / factor.at(j, j),
+                };
+            }
+        }
+        Some(factor)
+    }
+
+    /// The solution of `self x = b`.
+    fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
+        Some(self.cholesky()?.solve_twice(b))
+    }
+
+    /// The solution of `L Lᵀ x = b` for this lower factor `L`.
+    fn solve_twice(&self, b: &[f64]) -> Vec<f64> {
+        let mut x = b.to_vec();
+        for i in 0..self.size {
+            let known: f64 = (0..i).map(|k| self.at(i, k) * x[k]).sum();
+            x[i] = (x[i] - known) / self.at(i, i);
+        }
+        for i in (0..self.size).rev() {
+            let known: f64 = (i + 1..self.size).map(|k| self.at(k, i) * x[k]).sum();
+            x[i] = (x[i] - known) / self.at(i, i);
+        }
+        x
+    }
+
+    /// The inverse of a symmetric positive definite matrix.
+    fn inverse(&self) -> Option<Matrix> {
+        let factor = self.cholesky()?;
+        let unit = |j: usize| (0..self.size).map(|i| if i == j { 1.0 } else { 0.0 }).collect::<Vec<_>>();
+        let columns: Vec<Vec<f64>> = (0..self.size).map(|j| factor.solve_twice(&unit(j))).collect();
+        Some(Matrix::new(self.size, |i, j| columns[j][i]))
+    }
+}
