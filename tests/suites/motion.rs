@@ -366,7 +366,7 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
         drivers: source
             .drivers
             .into_iter()
-            .map(|ir::Driver { name, joints, threshold_rad }| Driver { name, joints, threshold_rad })
+            .map(|ir::Driver { name, joints, threshold_rad, .. }| Driver { name, joints, threshold_rad })
             .collect(),
         segments: vec![Segment { vertex_count: 1, ..Segment::default() }],
         targets: targets.clone().map(|t| Target { name: t.name.clone(), step_m: 1e-5, ..Target::default() }).collect(),
