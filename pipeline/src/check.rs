@@ -84,11 +84,12 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
 
     let mut targets = Vec::new();
     let reference = target::Reference::new(base_mesh, &base, obi.as_ref().filter(|_| is_placed));
-    for row in poses.iter().flat_map(|(table, _)| table.rows.iter().skip(1)) {
+    let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(untwisted(table)).skip(1));
+    for (row, rotations) in rows {
         let Some(mesh) = mesh_of(&row.file) else { continue };
         let positions_m: Vec<Vec3> = mesh.mesh.positions.iter().map(place).collect();
         if target::check(&reference, mesh, &positions_m, report) {
-            let PoseRow { name, file, rotations, .. } = row.clone();
+            let PoseRow { name, file, .. } = row.clone();
             targets.push(ir::TargetShape { name, file, rotations, positions_m });
         }
     }
@@ -258,12 +259,17 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
     };
     let joints: Option<Vec<Vec<Bone>>> = manifest.drivers.iter().map(driven).collect();
     let joints = joints.unwrap_or_default().concat();
+    let rotations = untwisted(table);
     for (i, row) in table.rows.iter().enumerate() {
-        for other in &table.rows[..i] {
-            let differing = table.bones.iter().zip(row.rotations.iter().zip(&other.rotations));
+        for (other, rotations_of_other) in table.rows[..i].iter().zip(&rotations) {
+            let differing = table.bones.iter().zip(rotations[i].iter().zip(rotations_of_other));
             let mut differing = differing.filter(|(_, (a, b))| !is_near(**a, **b)).map(|(bone, _)| bone).peekable();
             let said = if differing.peek().is_none() {
-                "differ by less than 1 degree in every joint"
+                if row.rotations.iter().zip(&other.rotations).all(|(a, b)| is_near(*a, *b)) {
+                    "differ by less than 1 degree in every joint"
+                } else {
+                    "differ only in the twist of arms, which turn inside the sleeves"
+                }
             } else if !joints.is_empty() && !differing.any(|bone| joints.contains(bone)) {
                 "differ only in joints that no driver compares"
             } else {
@@ -276,6 +282,12 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
             );
         }
     }
+}
+
+/// The rotations of every row as the cloth follows them.
+fn untwisted(table: &PoseTable) -> Vec<Vec<Quat>> {
+    let poses = table.poses().into_iter().map(|pose| pose.with_arms_untwisted());
+    poses.map(|pose| table.bones.iter().map(|&bone| pose.rotation(bone)).collect()).collect()
 }
 
 /// Whether two unit quaternions are less than one degree apart.

@@ -75,7 +75,7 @@ pub struct TargetShape {
     pub name: String,
     /// Path as in the pose table, for reports.
     pub file: String,
-    /// Local rotations of `pose_bones`.
+    /// Local rotations of `pose_bones`, the arms untwisted ([`kitsuke::skeleton::Pose::with_arms_untwisted`]).
     pub rotations: Vec<Quat>,
     /// Positions as simulated or scanned, metres, in the base's vertex order.
     pub positions_m: Vec<Vec3>,

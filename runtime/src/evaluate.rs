@@ -233,13 +233,14 @@ fn add_four<const D: usize>(sums_m: &mut Four, masks: &[Vec4; D], rates_m: &[Vec
     sums_m[2] += step_m.zwww() * Vec4::new(i, j, k, l);
 }
 
-/// Step 2: linear blend skinning of the blended cloth by a sanitised pose.
+/// Step 2: linear blend skinning of the blended cloth by a sanitised pose whose arms are untwisted
+/// ([`Pose::with_arms_untwisted`]).
 ///
 /// # Panics
 /// When `positions_m` is shorter than the unique vertices, or `scratch` was made for a garment of another shape.
 pub fn skin(garment: &Garment, pose: &Pose, scratch: &mut Scratch, positions_m: &mut [Vec3]) {
     let data = garment.data();
-    data.skeleton.posed_from_rest(pose, &mut scratch.posed_from_rest);
+    data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut scratch.posed_from_rest);
     let positions_m = &mut positions_m[..data.skin.len()];
     let vertices = scratch.blended_m.chunks_exact(3).zip(&data.skin).zip(&mut scratch.corners).zip(positions_m);
     for (((blended_m, weights), corner), position_m) in vertices {

@@ -33,6 +33,31 @@ impl Buffers {
     }
 }
 
+/// The pose as cloth follows it: every bone of an arm is brought to where it points by the shortest way, seen from the
+/// bone before. `None` where one points nearly back, so that the shortest way hangs on rounding.
+fn untwisted(pose: &Pose) -> Option<Pose> {
+    let arms = [
+        [Bone::LeftUpperArm, Bone::LeftLowerArm, Bone::LeftHand],
+        [Bone::RightUpperArm, Bone::RightLowerArm, Bone::RightHand],
+    ];
+    let mut out = pose.clone();
+    for arm in arms {
+        let (mut world, mut untwisted) = (DQuat::IDENTITY, DQuat::IDENTITY);
+        for bone in arm {
+            world *= pose.rotation(bone).as_dquat().normalize();
+            let local = untwisted.inverse() * world;
+            let is_hand = bone == arm[2];
+            if !is_hand && (local * DVec3::X).x < -0.99 {
+                return None;
+            }
+            let local = if is_hand { local } else { DQuat::from_rotation_arc(DVec3::X, local * DVec3::X) };
+            untwisted *= local;
+            out = out.with(bone, local.as_quat());
+        }
+    }
+    Some(out)
+}
+
 /// World transform of a joint as rotation and translation, root first, by the definition of a pose.
 fn posed_joint(skeleton: &Skeleton, pose: &Pose, joint: usize) -> (DQuat, DVec3) {
     let Joint { bone, parent, rest_m } = skeleton.joints()[joint];
@@ -109,7 +134,8 @@ fn slow_frame(garment: &Garment, pose: &Pose, rates: &Rates) -> (Vec<DVec3>, Vec
 }
 
 fn assert_same_frame(garment: &Garment, pose: &Pose, rates: &Rates, found: &Buffers) {
-    let (positions_m, normals) = slow_frame(garment, pose, rates);
+    let Some(pose) = untwisted(pose) else { return };
+    let (positions_m, normals) = slow_frame(garment, &pose, rates);
     for (vertex, (&found, expected)) in found.positions_m.iter().zip(positions_m).enumerate() {
         assert!(found.as_dvec3().distance(expected) <= 1e-5, "vertex {vertex}: {found} instead of {expected}");
     }
@@ -189,8 +215,10 @@ proptest! {
         let pose = n.pose();
         let mut rates = Rates::new(&garment);
         pose_blend::rates(Kernel::Rbf, &garment, &pose, &mut rates);
+        let followed = untwisted(&pose);
+        prop_assume!(followed.is_some());
         for driver in 0..garment.data().drivers.len() {
-            let expected = slow_rbf(&garment, &pose, driver);
+            let expected = slow_rbf(&garment, followed.as_ref().unwrap(), driver);
             for (&found, expected) in rates.driver(driver).iter().zip(expected) {
                 prop_assert!((f64::from(found) - expected).abs() <= 1e-4 * (1.0 + expected.abs()), "{found} {expected}");
             }
@@ -232,8 +260,10 @@ proptest! {
         };
         let (mut scratch, mut found) = (Scratch::new(&garment), Buffers::new(&garment));
         evaluate(&garment, &pose, &mut scratch, found.frame());
+        let followed = untwisted(&pose);
+        prop_assume!(followed.is_some());
         for driver in 0..garment.data().drivers.len() {
-            let expected = slow_paper(&garment, &pose, driver);
+            let expected = slow_paper(&garment, followed.as_ref().unwrap(), driver);
             for (target, (&rate, expected)) in scratch.rates().driver(driver).iter().zip(expected).enumerate() {
                 prop_assert!((f64::from(rate) - expected).abs() <= 1e-4, "{driver}/{target}: {rate} for {expected}");
             }

@@ -7,3 +7,4 @@ mod look;
 mod mistakes;
 mod motion;
 mod pack;
+mod skinning;

@@ -12,6 +12,7 @@ mod places;
 mod preview;
 mod schema;
 mod shots;
+mod skinning;
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -30,6 +31,7 @@ enum Verb {
     New(new::Args),
     Preview(preview::Args),
     Schema(schema::Args),
+    Skinning(skinning::Args),
 }
 
 fn main() -> ExitCode {
@@ -44,5 +46,6 @@ fn main() -> ExitCode {
         Verb::New(args) => new::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Schema(args) => schema::run(args),
+        Verb::Skinning(args) => skinning::run(args),
     }
 }

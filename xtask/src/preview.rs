@@ -22,6 +22,9 @@ pub struct Args {
     /// Draw frames of a recorded motion, evenly spaced, instead of the targets
     #[arg(long, value_name = "FILE.bvh")]
     motion: Option<PathBuf>,
+    /// Draw the rows of a pose table, blended by the kernel, instead of the targets
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "motion")]
+    poses: Option<PathBuf>,
     /// How many frames of the motion
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=100), requires = "motion")]
     frames: u16,
@@ -95,9 +98,13 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let source = args.places.source(id);
     let scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
     let kernel = KernelName::of(args.kernel, garment)?;
-    let shots = match &args.motion {
-        Some(motion) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
-        None => chosen(own_poses(garment), &args.only)?,
+    let shots = match (&args.motion, &args.poses) {
+        (Some(motion), _) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
+        (None, Some(table)) => {
+            let rows = shots::pose_table(table, kernel)?.into_iter();
+            chosen(rows.map(|row| row.shot).collect(), &args.only)?
+        }
+        (None, None) => chosen(own_poses(garment), &args.only)?,
     };
     let colours = match args.colours {
         ColoursName::Cloth => Colours::Cloth,
@@ -124,7 +131,8 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
         .collect();
     let png = png_bytes(&contact_sheet(&cells, usize::from(args.columns))).map_err(|error| error.to_string())?;
     let dir = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports"));
-    let motion = args.motion.as_deref().and_then(|motion| motion.file_stem()).map(|stem| stem.to_string_lossy());
+    let shown = args.motion.as_deref().or(args.poses.as_deref());
+    let motion = shown.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let kind = if args.colours == ColoursName::Cloth { None } else { args.colours.to_possible_value() };
     let name = [Some(id.clone()), motion.map(Into::into), kind.map(|kind| kind.get_name().to_owned())];
     let path = dir.join(format!("{}.png", name.into_iter().flatten().collect::<Vec<String>>().join("_")));

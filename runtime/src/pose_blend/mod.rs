@@ -82,14 +82,15 @@ pub enum Kernel {
     Rbf,
 }
 
-/// The rates of a pose by this kernel.
+/// The rates of a pose by this kernel, however its arms are twisted ([`Pose::with_arms_untwisted`]).
 ///
 /// # Panics
 /// When `rates` was made for a garment of another shape.
 pub fn rates(kernel: Kernel, garment: &Garment, pose: &Pose, rates: &mut Rates) {
+    let pose = pose.with_arms_untwisted();
     match kernel {
-        Kernel::Paper => paper(garment, pose, rates),
-        Kernel::Rbf => rbf::rbf(garment, pose, rates),
+        Kernel::Paper => paper(garment, &pose, rates),
+        Kernel::Rbf => rbf::rbf(garment, &pose, rates),
     }
 }
 

@@ -4,6 +4,7 @@
 mod bone;
 #[cfg(feature = "bvh")]
 pub mod bvh;
+mod twist;
 
 pub use bone::Bone;
 use glam::{Affine3A, Quat, Vec3};
