@@ -6,7 +6,9 @@ pub mod random;
 
 use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::Garment;
-use kitsuke::garment::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::garment::{
+    Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target,
+};
 use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
@@ -70,6 +72,7 @@ pub fn small_garment_data() -> GarmentData {
                 .collect(),
         },
         rbf: Some(small_rbf()),
+        certificate: Some(small_certificate()),
     }
 }
 
@@ -88,6 +91,19 @@ fn small_rbf() -> Rbf {
         joint_width: 0.75,
         reach: 2.0,
         ridge: 0.01,
+    }
+}
+
+/// Figures that nobody measured.
+fn small_certificate() -> Certificate {
+    Certificate {
+        speed_mm_per_deg: 12.5,
+        fastest_joint: Bone::LeftLowerArm,
+        fastest_rows: [1, 3],
+        step_mm: 0.125,
+        step_change_mm: 0.002,
+        left_out: (1..4u8).map(f32::from).map(|i| LeftOut { mean_mm: i, p99_mm: 5.0 * i, max_mm: 9.0 * i }).collect(),
+        nearest: NearestPair { rows: [0, 2], apart_deg: 90.0 },
     }
 }
 

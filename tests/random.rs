@@ -132,6 +132,7 @@ pub fn garment(seed: u64) -> Garment {
             bones,
         },
         rbf: None,
+        certificate: None,
         drivers,
         segments,
         targets,

@@ -110,6 +110,8 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         regions: regions?,
         paths: paths.into_iter().flat_map(measured_paths).collect(),
         budget_m: budget_m?,
+        speed_budget_m: metres(&manifest.speed_budget),
+        unseen_budget_m: metres(&manifest.unseen_budget),
     })
 }
 
@@ -172,6 +174,10 @@ fn check_id(folder: &Folder, report: &mut Vec<Diagnostic>) {
                 .help("Rename one of the two; many file systems take them for the same."),
         );
     }
+}
+
+fn metres(field: &Option<Field<Length>>) -> Option<f32> {
+    value(field).map(|length| length.metres() as f32)
 }
 
 fn check_budget(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) -> Option<f32> {

@@ -49,6 +49,7 @@ pub fn compress(
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
         rbf: None,
+        certificate: None,
     })
 }
 

@@ -31,6 +31,10 @@ pub struct Garment {
     pub paths: Vec<MeasuredPath>,
     /// How far the blended surface may lie from the target files, metres.
     pub budget_m: f32,
+    /// How far any vertex may move per degree of one joint, metres; `None`: as it comes.
+    pub speed_budget_m: Option<f32>,
+    /// How far any target may lie from its prediction by the others, metres; `None`: as it comes.
+    pub unseen_budget_m: Option<f32>,
 }
 
 /// A triangle mesh.

@@ -17,9 +17,6 @@ use kitsuke::pose_blend::rbf::{
 };
 use kitsuke::skeleton::{Bone, Skeleton};
 
-/// Counts up whenever the same input gives another kernel.
-pub const VERSION: u32 = 1;
-
 /// Where the search for scales begins and may go.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {

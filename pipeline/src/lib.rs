@@ -4,6 +4,7 @@
 //! knows the artist's file formats, only `catalog` writes packs.
 
 pub mod catalog;
+pub mod certificate;
 pub mod check;
 pub mod compress;
 pub mod deltas;
@@ -14,6 +15,7 @@ pub mod kernel;
 mod laplacian;
 pub mod leave_one_out;
 pub mod memo;
+pub mod pose_space;
 pub mod raster;
 pub mod regions;
 pub mod scene;
@@ -124,8 +126,16 @@ pub fn build_garment(
     let settings = kernel::Settings::default();
     let scales = kernel::tune(&data, &arms, &settings)?;
     data.rbf = Some(kernel::interpolate(&data, &arms, &scales)?);
-    let garment = Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()))?;
+    let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
+    let garment = checked(data.clone())?;
     tell("compress", None, Origin::Computed);
+
+    // What it promises between the samples.
+    let certificate = certificate::certificate(&garment, &certificate::Settings::default())?;
+    certificate::keep_budgets(&certificate, source)?;
+    data.certificate = Some(certificate);
+    let garment = checked(data)?;
+    tell("certificate", None, Origin::Computed);
     let pack = kitsuke::pack::write::write(&garment);
     tell("write", None, Origin::Computed);
     let quality = verify::verify(source, &masks, &deltas, &pack)?;

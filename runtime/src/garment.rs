@@ -158,6 +158,48 @@ pub struct GarmentData {
     pub poses: PoseTable,
     /// The default kernel; without it the paper's is used.
     pub rbf: Option<Rbf>,
+    /// What was measured of the blending when the pack was built.
+    pub certificate: Option<Certificate>,
+}
+
+/// What a pack's blending promises between its samples, as measured when it was built. Rows are those of the pose
+/// table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Certificate {
+    /// Fastest movement of any vertex found over the sampled pose space, mm per degree of one joint.
+    pub speed_mm_per_deg: f32,
+    /// The joint that was turned there.
+    pub fastest_joint: Bone,
+    /// The two rows nearest to that pose.
+    pub fastest_rows: [u16; 2],
+    /// Farthest that any vertex moves when no joint turns by more than 0.01 degrees, along sampled paths, mm.
+    pub step_mm: f32,
+    /// Farthest that any vertex's movement differs between two such steps that follow each other, mm.
+    pub step_change_mm: f32,
+    /// Error of every target when its row is left out of the table; empty without a default kernel.
+    pub left_out: Vec<LeftOut>,
+    /// The two rows that are hardest to tell apart.
+    pub nearest: NearestPair,
+}
+
+/// How far a target lies from its prediction by the others, over all vertices, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// Mean.
+    pub mean_mm: f32,
+    /// 99th percentile.
+    pub p99_mm: f32,
+    /// Largest.
+    pub max_mm: f32,
+}
+
+/// Two rows of the pose table and the root of the summed squared angles between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestPair {
+    /// The rows.
+    pub rows: [u16; 2],
+    /// Degrees.
+    pub apart_deg: f32,
 }
 
 /// A kimono whose every index and number has been checked, with what evaluation derives from it once.
@@ -182,6 +224,7 @@ impl Garment {
         check_targets(&data)?;
         check_poses(&data)?;
         check_rbf(&data)?;
+        check_certificate(&data)?;
         check_texts(&data)?;
         for rotation in &mut data.poses.rotations {
             // Only where needed: a second normalisation may change the last bit, and packs must come back as written.
@@ -394,6 +437,12 @@ pub enum InvalidGarment {
     /// A coefficient of a group is not a usable number.
     #[error("the coefficients of group {0} must lie within ±{max}", max = limits::RBF_COEFFICIENT)]
     GroupCoefficient(usize),
+    /// A figure of the certificate is not a finite number of 0 or more.
+    #[error("the figures of the certificate must be finite and 0 or more")]
+    CertificateFigure,
+    /// The certificate names a row that the pose table lacks.
+    #[error("the certificate names row {0}, which the pose table lacks")]
+    CertificateRow(u16),
     /// A bone of the pose table occurs twice or is not in the skeleton.
     #[error("bone {} of the pose table occurs twice or is not in the skeleton", .0.name())]
     PoseBone(Bone),
@@ -581,6 +630,23 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     }
     match owned.iter().position(|&owned| !owned) {
         Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
+        None => Ok(()),
+    }
+}
+
+fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let Some(certificate) = &data.certificate else { return Ok(()) };
+    let Certificate { speed_mm_per_deg, fastest_rows, step_mm, step_change_mm, left_out, nearest, .. } = certificate;
+    let errors = left_out.iter().flat_map(|error| [error.mean_mm, error.p99_mm, error.max_mm]);
+    let mut figures = [*speed_mm_per_deg, *step_mm, *step_change_mm, nearest.apart_deg].into_iter().chain(errors);
+    if !figures.all(|figure| (0.0..f32::INFINITY).contains(&figure)) {
+        return Err(InvalidGarment::CertificateFigure);
+    }
+    if !left_out.is_empty() {
+        check_length("left-out errors", left_out.len(), data.targets.len())?;
+    }
+    match fastest_rows.iter().chain(&nearest.rows).find(|&&row| usize::from(row) > data.targets.len()) {
+        Some(&row) => Err(InvalidGarment::CertificateRow(row)),
         None => Ok(()),
     }
 }

@@ -343,6 +343,7 @@ fn triangle() -> GarmentData {
             rotations: vec![Quat::IDENTITY, Quat::from_rotation_x(quarter), Quat::from_rotation_z(quarter)],
         },
         rbf: None,
+        certificate: None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec2};
 use kitsuke::Garment;
-use kitsuke::garment::{GarmentData, Part, limits};
+use kitsuke::garment::{Certificate, GarmentData, Part, limits};
 use kitsuke::pose_blend::rbf::Rbf;
 use kitsuke::skeleton::Bone;
 use kitsuke_tests::{small_garment, small_garment_data};
@@ -126,11 +126,20 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].chain[0].twist = -0.1, CHAIN),
     (|g| _ = rbf(g).groups[0].own.pop(), "there are 11 coefficients of a group instead of 12"),
     (|g| rbf(g).groups[0].joint[4] = f64::INFINITY, "the coefficients of group 0 must lie within ±1000000000"),
+    (|g| certificate(g).step_mm = f32::NAN, "the figures of the certificate must be finite and 0 or more"),
+    (|g| certificate(g).left_out[2].p99_mm = -1.0, "the figures of the certificate must be finite and 0 or more"),
+    (|g| _ = certificate(g).left_out.pop(), "there are 2 left-out errors instead of 3"),
+    (|g| certificate(g).fastest_rows[1] = 4, "the certificate names row 4, which the pose table lacks"),
+    (|g| certificate(g).nearest.rows[0] = 5, "the certificate names row 5, which the pose table lacks"),
     (|g| rbf(g).groups[0].name.clear(), "the name of group 0 must be 1 to 256 bytes of printable text"),
 ];
 
 const CHAIN: &str =
     "the chain of group 0 must be distinct bones of the pose table, with unit axes and scales of 0 or more";
+
+fn certificate(data: &mut GarmentData) -> &mut Certificate {
+    data.certificate.as_mut().expect("the small garment has a certificate")
+}
 
 fn rbf(data: &mut GarmentData) -> &mut Rbf {
     data.rbf.as_mut().expect("the small garment has a default kernel")
@@ -169,6 +178,7 @@ fn the_edge_of_each_rule_is_accepted() {
             g.targets.clear();
             g.poses.rotations.truncate(2);
             g.rbf = None;
+            g.certificate = None;
         },
     ];
     for (i, change) in edges.iter().enumerate() {

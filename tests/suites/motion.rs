@@ -375,6 +375,7 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
             rotations: rows.chain(targets.flat_map(|t| t.rotations.clone())).collect(),
         },
         rbf: None,
+        certificate: None,
     })
     .unwrap();
     let mut rates = Rates::new(&garment);

@@ -79,7 +79,7 @@ fn sections_of_a_newer_minor_version_are_skipped() {
     }
     insta::assert_snapshot!(
         refusal(|container| container.sections.insert(3, extra)),
-        @"section WXYZ, byte 896 of the pack: it is unknown"
+        @"section WXYZ, byte 928 of the pack: it is unknown"
     );
 }
 
@@ -106,19 +106,19 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(refusal(|container| drop(container.sections.remove(2))), @"the pack has no section MESH");
     insta::assert_snapshot!(
         refusal(|container| container.sections.push(container.sections[1].clone())),
-        @"section SKEL, byte 1528 of the pack: it occurs twice"
+        @"section SKEL, byte 1624 of the pack: it occurs twice"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].encoding = 9),
-        @"section MESH, byte 376 of the pack: its encoding 9 is unknown"
+        @"section MESH, byte 400 of the pack: its encoding 9 is unknown"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].decoded_length += 1),
-        @"section MESH, byte 376 of the pack: it does not decode to 2893 bytes"
+        @"section MESH, byte 400 of the pack: it does not decode to 2893 bytes"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].decoded_length = u32::MAX),
-        @"section MESH, byte 376 of the pack: it does not decode to 4294967295 bytes"
+        @"section MESH, byte 400 of the pack: it does not decode to 4294967295 bytes"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections.resize(70, container.sections[0].clone())),
@@ -156,17 +156,17 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(damage(&|pack| pack[30] ^= 1), @"the pack is damaged: its checksum does not match");
     insta::assert_snapshot!(
         damage(&|pack| *pack.last_mut().unwrap() ^= 1),
-        @"section RBFS, byte 1328 of the pack: its checksum does not match: the pack is damaged"
+        @"section CERT, byte 1528 of the pack: its checksum does not match: the pack is damaged"
     );
-    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 1504 bytes instead of 1503");
-    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 1504 bytes instead of 1503");
+    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 1592 bytes instead of 1591");
+    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 1592 bytes instead of 1591");
     insta::assert_snapshot!(
         repaired(&|pack| pack[second_offset] -= 8),
-        @"section SKEL, byte 312 of the pack: it must begin at byte 320"
+        @"section SKEL, byte 336 of the pack: it must begin at byte 344"
     );
     insta::assert_snapshot!(
         repaired(&|pack| pack[second_offset + 7] = 0xff),
-        @"section SKEL, byte 320 of the pack: it ends after the pack"
+        @"section SKEL, byte 344 of the pack: it ends after the pack"
     );
 }
 

@@ -31,6 +31,12 @@ pub struct Manifest {
     pub up: Option<Field<Up>>,
     /// How far the built shapes may lie from the target files; `0.05 mm` unless given.
     pub budget: Option<Field<Length>>,
+    /// The farthest that any point of the cloth may move when one joint turns by one degree; a pack that is faster is an
+    /// error. By default anything goes.
+    pub speed_budget: Option<Field<Length>>,
+    /// The farthest that any target may lie from what the other targets predict for its pose; a pack that predicts worse
+    /// is an error: a pose is missing. By default anything goes.
+    pub unseen_budget: Option<Field<Length>>,
     /// The kimono in the T-pose, an OBJ file.
     #[schemars(required)]
     pub base: Option<Field<String>>,
@@ -219,13 +225,28 @@ impl<T: JsonSchema> JsonSchema for Field<T> {
 pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Manifest> {
     let text = super::utf8(file, bytes, report)?;
     let manifest = parse::<Manifest>(file, text, report)?;
-    let Manifest { name, unit, up, budget, base, texture, obi, body, poses, paths, regions, drivers } = &manifest;
+    let Manifest {
+        name,
+        unit,
+        up,
+        budget,
+        speed_budget,
+        unseen_budget,
+        base,
+        texture,
+        obi,
+        body,
+        poses,
+        paths,
+        regions,
+        drivers,
+    } = &manifest;
     for text in [name, base, texture, obi, body, poses, paths].into_iter().flatten() {
         report_wrong(file, text, report);
     }
     unit.iter().for_each(|field| report_wrong(file, field, report));
     up.iter().for_each(|field| report_wrong(file, field, report));
-    budget.iter().for_each(|field| report_wrong(file, field, report));
+    [budget, speed_budget, unseen_budget].into_iter().flatten().for_each(|field| report_wrong(file, field, report));
     regions.iter().for_each(|field| report_wrong(file, field, report));
     for DriverEntry { name, joints, threshold, group, mask } in drivers {
         name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));

@@ -49,13 +49,16 @@
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
 //! | `RBFS` | `flag` has a default kernel, and if so: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
+//! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
 //! on both sides.
 
 use super::codec::{Column, Reader};
 use super::{ContentProblem, OpenError};
-use crate::garment::{Driver, Mesh, Part, PoseTable, Segment, SkinWeights, Target, limits};
+use crate::garment::{
+    Certificate, Driver, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target, limits,
+};
 use crate::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use crate::skeleton::{Bone, Joint, Skeleton};
 use glam::{DVec3, Quat, Vec2, Vec3};
@@ -116,8 +119,10 @@ pub const SEGS: Tag = Tag(*b"SEGS");
 pub const TGTS: Tag = Tag(*b"TGTS");
 /// The default kernel.
 pub const RBFS: Tag = Tag(*b"RBFS");
+/// The certificate.
+pub const CERT: Tag = Tag(*b"CERT");
 /// Every section of this version.
-pub const ALL: [Tag; 8] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS];
+pub const ALL: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
 
 /// An entry of the section table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -463,6 +468,35 @@ pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
         to.f64s(&group.own);
         to.f64s(&group.joint);
     }
+}
+
+pub(super) fn read_certificate(info: &Info, from: &mut Reader<'_>) -> Result<Option<Certificate>, ContentProblem> {
+    if !from.flag()? {
+        return Ok(None);
+    }
+    let [speed_mm_per_deg, step_mm, step_change_mm] = [from.f32()?, from.f32()?, from.f32()?];
+    let fastest_joint = read_bone(from)?;
+    let fastest_rows = [from.u16()?, from.u16()?];
+    let left_out = (0..if from.flag()? { info.targets } else { 0 })
+        .map(|_| Ok(LeftOut { mean_mm: from.f32()?, p99_mm: from.f32()?, max_mm: from.f32()? }))
+        .collect::<Result<_, _>>()?;
+    let nearest = NearestPair { rows: [from.u16()?, from.u16()?], apart_deg: from.f32()? };
+    Ok(Some(Certificate { speed_mm_per_deg, fastest_joint, fastest_rows, step_mm, step_change_mm, left_out, nearest }))
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_certificate(certificate: Option<&Certificate>, to: &mut Writer) {
+    to.flag(certificate.is_some());
+    let Some(certificate) = certificate else { return };
+    let Certificate { speed_mm_per_deg, step_mm, step_change_mm, fastest_joint, fastest_rows, left_out, nearest } =
+        certificate;
+    [speed_mm_per_deg, step_mm, step_change_mm].into_iter().for_each(|&figure| to.f32(figure));
+    to.u8(*fastest_joint as u8);
+    fastest_rows.iter().for_each(|&row| to.u16(row));
+    to.flag(!left_out.is_empty());
+    left_out.iter().flat_map(|error| [error.mean_mm, error.p99_mm, error.max_mm]).for_each(|figure| to.f32(figure));
+    nearest.rows.iter().for_each(|&row| to.u16(row));
+    to.f32(nearest.apart_deg);
 }
 
 fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {

@@ -9,7 +9,7 @@ pub mod write;
 use crate::garment::{Garment, GarmentData, InvalidGarment, limits};
 use crate::skeleton::SkeletonError;
 use codec::{Encoding, Reader};
-use layout::{Entry, Tag};
+use layout::{Entry, Info, Tag};
 
 /// An open pack.
 #[derive(Clone, Debug)]
@@ -292,7 +292,9 @@ fn read_garment(bytes: &[u8], sections: &[SectionInfo]) -> Result<GarmentData, O
     let segments = read_section(bytes, sections, layout::SEGS, |from| layout::read_segments(&info, from))?;
     let targets = read_section(bytes, sections, layout::TGTS, |from| layout::read_targets(&info, &segments, from))?;
     let rbf = read_section(bytes, sections, layout::RBFS, |from| layout::read_rbf(&info, from))?;
-    Ok(GarmentData { id: info.id, name: info.name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf })
+    let certificate = read_section(bytes, sections, layout::CERT, |from| layout::read_certificate(&info, from))?;
+    let Info { id, name, .. } = info;
+    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate })
 }
 
 fn read_section<T>(

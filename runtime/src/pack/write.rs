@@ -24,6 +24,7 @@ pub fn write(garment: &Garment) -> Vec<u8> {
         section(layout::SEGS, |to| layout::write_segments(&data.segments, to)),
         section(layout::TGTS, |to| layout::write_targets(&data.targets, to)),
         section(layout::RBFS, |to| layout::write_rbf(data.rbf.as_ref(), to)),
+        section(layout::CERT, |to| layout::write_certificate(data.certificate.as_ref(), to)),
     ];
     let mut end = layout::header_length(sections.len());
     let entries: Vec<Entry> = sections
