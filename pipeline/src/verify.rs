@@ -20,6 +20,8 @@ pub struct TargetQuality {
     pub name: String,
     /// With only this target, at full rate: what the pack lost.
     pub alone: Distance,
+    /// With the rates that the garment's own kernel gives in this pose: nothing more should be lost.
+    pub blended: Distance,
     /// With the rates that the paper's kernel gives in this pose: what blending mixes in besides.
     pub paper: Distance,
 }
@@ -64,11 +66,14 @@ pub fn verify(
                     ));
                 }
             }
+            let own = Shot { blend: Blend::Kernel(garment.kernel()), ..alone.clone() };
+            let blended_m = in_source_order(garment, stage.show(&own).0);
             let paper = Shot { blend: Blend::Kernel(Kernel::Paper), ..alone.clone() };
             let paper_m = in_source_order(garment, stage.show(&paper).0);
             Ok(TargetQuality {
                 name: target.name.clone(),
                 alone: Distance::between(&alone_m, &target.positions_m),
+                blended: Distance::between(&blended_m, &target.positions_m),
                 paper: Distance::between(&paper_m, &target.positions_m),
             })
         })

@@ -3,6 +3,7 @@
 use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
+use kitsuke::garment::{Certificate, GarmentData, LeftOut};
 use kitsuke::pack::layout::MAGIC;
 use kitsuke_pipeline::diagnostic::Diagnostic;
 use kitsuke_pipeline::source::{body, obj, tables};
@@ -106,6 +107,9 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
         let row = format!("{:<28} {step_um:>8.3} {count:>9} {bytes:>9}  {}\n", target.name, segments.join(" "));
         text.push_str(&row);
     }
+    if let Some(certificate) = &data.certificate {
+        text.push_str(&certificate_text(certificate, data));
+    }
     text.push_str("\npart         triangles\n");
     for part in &data.mesh.parts {
         line!(text, part.name, "{:>9}", part.triangle_count);
@@ -172,4 +176,26 @@ fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
     let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
     let likely = units.iter().find(|(_, metres)| (0.4..4.0).contains(&(size.max_element() * metres)));
     line!(text, "unit", "{}", likely.map_or("neither mm, cm nor m looks likely", |(name, _)| *name));
+}
+
+fn certificate_text(certificate: &Certificate, data: &GarmentData) -> String {
+    let row = |row: u16| match usize::from(row).checked_sub(1) {
+        Some(target) => data.targets[target].name.as_str(),
+        None => "base",
+    };
+    let Certificate { speed_mm_per_deg, fastest_joint, step_mm, step_change_mm, nearest, .. } = certificate;
+    let mut text = String::from("\ncertificate\n");
+    let [first, second] = certificate.fastest_rows.map(row);
+    line!(text, "speed", "{speed_mm_per_deg:.2} mm per degree of {}, near {first} and {second}", fastest_joint.name());
+    line!(text, "steps", "{step_mm:.4} mm per 0.01 degrees, changing by {step_change_mm:.4} mm at most");
+    let [first, second] = nearest.rows.map(row);
+    line!(text, "nearest", "{first} and {second}, {:.1} degrees apart", nearest.apart_deg);
+    if !certificate.left_out.is_empty() {
+        text.push_str("\nleft out, mm                     mean      p99      max\n");
+        for (target, error) in data.targets.iter().zip(&certificate.left_out) {
+            let LeftOut { mean_mm, p99_mm, max_mm } = error;
+            text.push_str(&format!("{:<28} {mean_mm:>8.2} {p99_mm:>8.1} {max_mm:>8.1}\n", target.name));
+        }
+    }
+    text
 }

@@ -27,6 +27,18 @@ pub struct Entry {
     pub max_mm: f64,
     /// Mean error over all targets.
     pub mean_mm: f64,
+    /// Fastest movement between the samples, mm per degree.
+    pub speed_mm_per_deg: f64,
+    /// The joint and the two nearest poses of that.
+    pub fastest: [String; 3],
+    /// Farthest that any vertex moves per 0.01 degrees.
+    pub step_mm: f64,
+    /// Farthest that this movement changes from one step to the next.
+    pub step_change_mm: f64,
+    /// The two poses that are hardest to tell apart.
+    pub nearest: [String; 2],
+    /// Degrees between them.
+    pub nearest_deg: f64,
     /// Errors target by target.
     pub targets: Vec<TargetEntry>,
 }
@@ -40,10 +52,14 @@ pub struct TargetEntry {
     pub max_mm: f64,
     /// Mean of those distances.
     pub mean_mm: f64,
+    /// Largest distance from its file in its pose with the garment's own kernel.
+    pub blended_max_mm: f64,
     /// Largest distance from its file in its pose with the paper's kernel.
     pub paper_max_mm: f64,
     /// Mean of those distances.
     pub paper_mean_mm: f64,
+    /// Mean, 99th percentile and largest distance from what the other targets predict.
+    pub left_out_mm: [f64; 3],
 }
 
 /// The whole index by garment.
@@ -53,17 +69,30 @@ impl Entry {
     /// The entry of a garment just built, of whose pack the targets take `target_bytes`.
     #[must_use]
     pub fn new(built: &Built, target_bytes: u64) -> Entry {
-        let targets: Vec<TargetEntry> = built
+        let mut targets: Vec<TargetEntry> = built
             .quality
             .iter()
             .map(|quality| {
                 let Distance { max_m, mean_m, .. } = quality.alone;
                 let (max_mm, mean_mm) = (rounded_mm(max_m), rounded_mm(mean_m));
+                let blended_max_mm = rounded_mm(quality.blended.max_m);
                 let Distance { max_m, mean_m, .. } = quality.paper;
                 let (paper_max_mm, paper_mean_mm) = (rounded_mm(max_m), rounded_mm(mean_m));
-                TargetEntry { name: quality.name.clone(), max_mm, mean_mm, paper_max_mm, paper_mean_mm }
+                let name = quality.name.clone();
+                let left_out_mm = [0.0; 3];
+                TargetEntry { name, max_mm, mean_mm, blended_max_mm, paper_max_mm, paper_mean_mm, left_out_mm }
             })
             .collect();
+        let data = built.garment.data();
+        let certificate = data.certificate.as_ref().expect("a built garment has a certificate");
+        for (target, error) in targets.iter_mut().zip(&certificate.left_out) {
+            target.left_out_mm = [error.mean_mm, error.p99_mm, error.max_mm].map(rounded);
+        }
+        let row = |row: u16| match usize::from(row).checked_sub(1) {
+            Some(target) => data.targets[target].name.clone(),
+            None => "base".to_owned(),
+        };
+        let [first, second] = certificate.fastest_rows.map(row);
         let means_m = built.quality.iter().map(|quality| quality.alone.mean_m);
         Entry {
             blake3: blake3::hash(&built.pack).to_hex().to_string(),
@@ -74,6 +103,12 @@ impl Entry {
             drivers: built.garment.data().drivers.len() as u64,
             max_mm: targets.iter().map(|target| target.max_mm).fold(0.0, f64::max),
             mean_mm: rounded_mm(means_m.sum::<f32>() / targets.len().max(1) as f32),
+            speed_mm_per_deg: rounded(certificate.speed_mm_per_deg),
+            fastest: [certificate.fastest_joint.name().to_owned(), first, second],
+            step_mm: rounded(certificate.step_mm),
+            step_change_mm: rounded(certificate.step_change_mm),
+            nearest: certificate.nearest.rows.map(row),
+            nearest_deg: rounded(certificate.nearest.apart_deg),
             targets,
         }
     }
@@ -81,18 +116,30 @@ impl Entry {
     /// The entry as it stands in the file.
     #[must_use]
     pub fn to_text(&self) -> String {
-        let Entry { blake3, bytes, target_bytes, vertices, triangles, drivers, max_mm, mean_mm, targets } = self;
+        let Entry { blake3, bytes, target_bytes, vertices, triangles, drivers, max_mm, mean_mm, targets, .. } = self;
+        let Entry { speed_mm_per_deg, fastest, step_mm, step_change_mm, nearest, nearest_deg, .. } = self;
         let mut text = format!(
             "blake3 = \"{blake3}\"\nbytes = {bytes}\ntarget_bytes = {target_bytes}\nvertices = {vertices}\n\
-             triangles = {triangles}\ndrivers = {drivers}\nmax_mm = {max_mm:.3}\nmean_mm = {mean_mm:.3}\ntargets = [\n"
+             triangles = {triangles}\ndrivers = {drivers}\nmax_mm = {max_mm:.3}\nmean_mm = {mean_mm:.3}\n"
+        );
+        let _ = write!(
+            text,
+            "speed_mm_per_deg = {speed_mm_per_deg:.3}\nfastest = {}\nstep_mm = {step_mm:.3}\n\
+             step_change_mm = {step_change_mm:.3}\nnearest = {}\nnearest_deg = {nearest_deg:.3}\ntargets = [\n",
+            toml::Value::from(fastest.to_vec()),
+            toml::Value::from(nearest.to_vec())
         );
         for target in targets {
-            let TargetEntry { name, max_mm, mean_mm, paper_max_mm, paper_mean_mm } = target;
+            let TargetEntry { name, max_mm, mean_mm, blended_max_mm, paper_max_mm, paper_mean_mm, left_out_mm } =
+                target;
+            let [left_out_mean, left_out_p99, left_out_max] = left_out_mm;
             let name = toml::Value::from(name.as_str());
             let _ = writeln!(
                 text,
                 "    {{ name = {name}, max_mm = {max_mm:.3}, mean_mm = {mean_mm:.3}, \
-                 paper_max_mm = {paper_max_mm:.3}, paper_mean_mm = {paper_mean_mm:.3} }},"
+                 blended_max_mm = {blended_max_mm:.3}, paper_max_mm = {paper_max_mm:.3}, \
+                 paper_mean_mm = {paper_mean_mm:.3}, \
+                 left_out_mm = [{left_out_mean:.3}, {left_out_p99:.3}, {left_out_max:.3}] }},"
             );
         }
         text + "]\n"
@@ -107,7 +154,9 @@ impl Entry {
                 max_mm: table.get("max_mm")?.as_float()?,
                 mean_mm: table.get("mean_mm")?.as_float()?,
                 paper_max_mm: table.get("paper_max_mm")?.as_float()?,
+                blended_max_mm: table.get("blended_max_mm")?.as_float()?,
                 paper_mean_mm: table.get("paper_mean_mm")?.as_float()?,
+                left_out_mm: array(table, "left_out_mm", toml::Value::as_float)?,
             })
         };
         Some(Entry {
@@ -119,9 +168,33 @@ impl Entry {
             drivers: whole("drivers")?,
             max_mm: table.get("max_mm")?.as_float()?,
             mean_mm: table.get("mean_mm")?.as_float()?,
+            speed_mm_per_deg: table.get("speed_mm_per_deg")?.as_float()?,
+            fastest: array(table, "fastest", owned_str)?,
+            step_mm: table.get("step_mm")?.as_float()?,
+            step_change_mm: table.get("step_change_mm")?.as_float()?,
+            nearest: array(table, "nearest", owned_str)?,
+            nearest_deg: table.get("nearest_deg")?.as_float()?,
             targets: table.get("targets")?.as_array()?.iter().map(target).collect::<Option<_>>()?,
         })
     }
+}
+
+fn array<T, const N: usize>(
+    table: &toml::Table,
+    key: &str,
+    read: impl Fn(&toml::Value) -> Option<T>,
+) -> Option<[T; N]> {
+    let values: Option<Vec<T>> = table.get(key)?.as_array()?.iter().map(read).collect();
+    values?.try_into().ok()
+}
+
+fn owned_str(value: &toml::Value) -> Option<String> {
+    value.as_str().map(str::to_owned)
+}
+
+/// Three decimals.
+fn rounded(figure: f32) -> f64 {
+    (f64::from(figure) * 1e3).round() / 1e3
 }
 
 /// Metres as millimetres with three decimals.
@@ -133,7 +206,9 @@ fn rounded_mm(length_m: f32) -> f64 {
 #[must_use]
 pub fn to_text(index: &Index) -> String {
     let head = "# Written by `cargo xtask build-catalog`. max and mean: distance of each target from its file, blended\n\
-                # alone; paper_max and paper_mean: the same in its pose with the paper's blend rates.\n";
+                # alone; blended_max: in its pose with the garment's own kernel; paper_max and paper_mean: with the paper's;\n\
+                # left_out: mean, p99 and max distance from what the other targets predict. speed, steps (of 0.01\n\
+                # degrees) and nearest poses: the certificate of the blending.\n";
     let entries = index.iter().map(|(id, entry)| format!("\n[{id}]\n{}", entry.to_text()));
     head.to_owned() + &entries.collect::<String>()
 }
@@ -187,8 +262,10 @@ mod tests {
             name: name.into(),
             max_mm: 0.05,
             mean_mm: 0.0,
+            blended_max_mm: 0.051,
             paper_max_mm: 12.125,
             paper_mean_mm: 1.5,
+            left_out_mm: [1.0, 2.5, 30.125],
         };
         Entry {
             blake3: "00ff".into(),
@@ -199,6 +276,12 @@ mod tests {
             drivers: 2,
             max_mm: 0.05,
             mean_mm: 0.021,
+            speed_mm_per_deg: 12.5,
+            fastest: ["leftLowerArm", "base", "a_pose"].map(str::to_owned),
+            step_mm: 0.125,
+            step_change_mm: 0.001,
+            nearest: ["base", "a_pose"].map(str::to_owned),
+            nearest_deg: 45.0,
             targets: vec![target("a_pose"), target("odd \"name\" \\ 袖")],
         }
     }
