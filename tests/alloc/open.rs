@@ -89,6 +89,6 @@ fn many_chains() -> GarmentData {
         joint: vec![0.0; TARGETS * (TARGETS + 1)],
     };
     let groups = (0..limits::DRIVERS).map(group).collect();
-    data.rbf = Some(Rbf { groups, width: 1.0, joint_width: 1.0, reach: 1.0 });
+    data.rbf = Some(Rbf { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6 });
     data
 }
