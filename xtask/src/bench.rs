@@ -1,6 +1,6 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, in_workspace, write_whole};
 use glam::Vec3;
 use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
 use kitsuke::skeleton::{Pose, bvh};
@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// The recorded motion whose frames are measured
-    #[arg(long, value_name = "FILE.bvh", default_value = "assets-src/motions/two_arms.bvh")]
+    #[arg(long, value_name = "FILE.bvh", default_value_os_t = in_workspace("assets-src/motions/two_arms.bvh"))]
     motion: PathBuf,
     #[command(flatten)]
     places: Places,

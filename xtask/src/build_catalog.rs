@@ -1,6 +1,7 @@
 //! `cargo xtask build-catalog`: all packs that have to be built, and the index.
 
 use crate::check::MessageFormat;
+use crate::places::in_workspace;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use kitsuke_pipeline::StageRun;
 use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Progress, Report};
@@ -33,13 +34,13 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     emit: Option<PathBuf>,
     /// The folder with one folder per kimono
-    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("assets-src"))]
     assets: PathBuf,
     /// The folder of index and packs
-    #[arg(long, value_name = "DIR", default_value = "catalog")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("catalog"))]
     catalog: PathBuf,
     /// The folder of earlier results; may be deleted at any time
-    #[arg(long, value_name = "DIR", default_value = "target/kitsuke-cache")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("target/kitsuke-cache"))]
     cache: PathBuf,
     /// How mistakes are written
     #[arg(long, value_enum, default_value_t)]

@@ -1,9 +1,11 @@
 //! `cargo xtask check`: reads garment folders and reports every mistake, in seconds and without building.
 
+use crate::places::in_workspace;
+use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
 use kitsuke_pipeline::source;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Report every mistake in garment folders, without building
@@ -12,7 +14,7 @@ pub struct Args {
     /// Garments to check; all of the assets folder if none is named.
     ids: Vec<String>,
     /// The folder that holds the garment folders.
-    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("assets-src"))]
     assets: PathBuf,
     /// How mistakes are written.
     #[arg(long, value_enum, default_value_t)]
@@ -46,10 +48,10 @@ impl MessageFormat {
 
 /// Checks the garments one after the other; fails if any has an error.
 pub fn run(args: Args) -> ExitCode {
-    let ids = match garment_ids(&args.assets, args.ids) {
+    let ids = match catalog::garment_ids(&args.assets, &args.ids) {
         Ok(ids) => ids,
-        Err(message) => {
-            eprintln!("{message}");
+        Err(error) => {
+            eprintln!("error: {error}");
             return ExitCode::FAILURE;
         }
     };
@@ -65,16 +67,4 @@ pub fn run(args: Args) -> ExitCode {
         is_sound &= loaded.diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
     }
     if is_sound { ExitCode::SUCCESS } else { ExitCode::FAILURE }
-}
-
-/// The named garments, or all of the folder.
-pub fn garment_ids(assets: &Path, named: Vec<String>) -> Result<Vec<String>, String> {
-    if !named.is_empty() {
-        return Ok(named);
-    }
-    let found = source::garment_ids(assets).map_err(|error| format!("{}: {error}", assets.display()))?;
-    if found.is_empty() {
-        return Err(format!("{}: there is no garment folder (one with a garment.toml)", assets.display()));
-    }
-    Ok(found)
 }

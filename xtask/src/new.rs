@@ -1,5 +1,6 @@
 //! `cargo xtask new`: a kimono folder from `assets-src/_template` and the given shapes.
 
+use crate::places::in_workspace;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,7 +24,7 @@ pub struct Args {
     #[arg(long, num_args = 1.., value_names = ["BASE.obj", "TARGET.obj"])]
     from: Vec<PathBuf>,
     /// The folder that gets the new one.
-    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("assets-src"))]
     into: PathBuf,
 }
 

@@ -1,18 +1,27 @@
 //! Where packs, sources and outputs lie: what the verbs that show and measure share.
 
 use kitsuke::Pack;
+use kitsuke_pipeline::catalog::CatalogError;
 use kitsuke_pipeline::{catalog, ir, source};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// A path of the workspace as seen from the current folder, which may lie inside the workspace; the path as it is where
+/// no folder above holds `assets-src`.
+pub fn in_workspace(path: &str) -> PathBuf {
+    let here = std::env::current_dir().unwrap_or_default();
+    let depth = here.ancestors().position(|folder| folder.join("assets-src").is_dir()).unwrap_or(0);
+    std::iter::repeat_n("..", depth).chain([path]).collect()
+}
 
 /// Folders, as options of a verb.
 #[derive(clap::Args)]
 pub struct Places {
     /// The folder of built packs
-    #[arg(long, value_name = "DIR", default_value = "catalog")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("catalog"))]
     pub catalog: PathBuf,
     /// The folder with one folder per kimono
-    #[arg(long, value_name = "DIR", default_value = "assets-src")]
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("assets-src"))]
     pub assets: PathBuf,
 }
 
@@ -30,9 +39,10 @@ impl Places {
             _ => catalog::pack_path(&self.catalog, id_or_path),
         };
         let bytes = fs::read(&path).map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => {
-                format!("there is no pack {}: run cargo xtask build-catalog", path.display())
-            }
+            std::io::ErrorKind::NotFound => match catalog::garment_ids(&self.assets, &[id_or_path.to_owned()]) {
+                Err(error @ CatalogError::Unknown { .. }) => error.to_string(),
+                _ => format!("there is no pack {}: run cargo xtask build-catalog", path.display()),
+            },
             _ => format!("cannot read {}: {error}", path.display()),
         })?;
         Ok((path, bytes))

@@ -1,9 +1,9 @@
 //! `cargo xtask preview`: contact sheets of kimono on their wearers.
 
-use crate::check::garment_ids;
 use crate::places::{Places, write_whole};
 use crate::shots::{self, KernelName};
 use clap::ValueEnum;
+use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::scene::{Colours, Figure, Framing, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
@@ -80,8 +80,11 @@ enum ColoursName {
 
 /// Draws the sheets; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
-    let drawn = garment_ids(&args.places.assets, args.garments.clone())
-        .and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
+    let ids = match args.garments.as_slice() {
+        [] => catalog::garment_ids(&args.places.assets, &[]).map_err(|error| error.to_string()),
+        named => Ok(named.to_vec()),
+    };
+    let drawn = ids.and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
     match drawn {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {

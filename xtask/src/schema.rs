@@ -1,5 +1,6 @@
 //! `cargo xtask schema`: writes the JSON Schema of garment.toml, by which editors complete and check it.
 
+use crate::places::in_workspace;
 use kitsuke_pipeline::source::manifest;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,7 +9,7 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 pub struct Args {
     /// The schema file.
-    #[arg(long, value_name = "FILE", default_value = "assets-src/garment.schema.json")]
+    #[arg(long, value_name = "FILE", default_value_os_t = in_workspace("assets-src/garment.schema.json"))]
     out: PathBuf,
 }
 

@@ -13,6 +13,8 @@ use std::path::Path;
 
 /// Longest table or recording that is read, bytes.
 const FILE_BYTES: u64 = 256 << 20;
+/// So many joints of a recording are named in a note.
+const SHOWN_JOINTS: usize = 12;
 
 /// A row of a pose table.
 pub struct Row {
@@ -57,8 +59,11 @@ fn note(path: &Path, recording: &Motion) {
         None => "it has no legs, so the hips stay in their place".to_owned(),
     };
     eprintln!("note: {}: the T-pose is {t_pose}; {scale}", path.display());
-    if !recording.unmapped.is_empty() {
-        eprintln!("note: joints that are no bone of the wearer: {}", recording.unmapped.join(", "));
+    let unmapped = &recording.unmapped;
+    if !unmapped.is_empty() {
+        let (shown, more) = unmapped.split_at(unmapped.len().min(SHOWN_JOINTS));
+        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        eprintln!("note: joints that are no bone of the wearer: {}{more}", shown.join(", "));
     }
 }
 

@@ -148,7 +148,7 @@ impl CatalogError {
 /// When the catalog cannot be read or written, or a garment asked for does not exist. Mistakes in garments are no
 /// errors here: they are in the report, all together.
 pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, CatalogError> {
-    let ids = garments(options)?;
+    let ids = garment_ids(&options.assets, &options.ids)?;
     let index_path = options.catalog.join("index.toml");
     let old = index::read(&index_path)?;
     let builder = builder();
@@ -211,16 +211,23 @@ pub fn pack_path(catalog: &Path, id: &str) -> PathBuf {
     catalog.join("packs").join(format!("{id}.kitsuke"))
 }
 
-/// IDs of the garments to build, sorted.
-fn garments(options: &Options) -> Result<Vec<String>, CatalogError> {
-    let mut all = source::garment_ids(&options.assets).map_err(|error| CatalogError::io(&options.assets, &error))?;
-    for id in &options.ids {
+/// The garments named, or all of the assets folder where none is, sorted.
+///
+/// # Errors
+/// The folder cannot be read or holds no garment, or one that is named is not in it.
+pub fn garment_ids(assets: &Path, named: &[String]) -> Result<Vec<String>, CatalogError> {
+    let mut all = source::garment_ids(assets).map_err(|error| CatalogError::io(assets, &error))?;
+    if all.is_empty() {
+        let problem = "there is no garment folder (one that holds garment.toml)".to_owned();
+        return Err(CatalogError::Io { path: assets.to_owned(), problem });
+    }
+    for id in named {
         if !all.contains(id) {
             let similar = source::closest(id, all.iter().map(String::as_str)).map(str::to_owned);
-            return Err(CatalogError::Unknown { id: id.clone(), assets: options.assets.clone(), similar });
+            return Err(CatalogError::Unknown { id: id.clone(), assets: assets.to_owned(), similar });
         }
     }
-    all.retain(|id| options.ids.is_empty() || options.ids.contains(id));
+    all.retain(|id| named.is_empty() || named.contains(id));
     Ok(all)
 }
 
