@@ -126,7 +126,7 @@ fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
     rest.targets.remove(target);
     let bones = rest.poses.bones.len();
     rest.poses.rotations.drain((target + 1) * bones..(target + 2) * bones);
-    rest.rbf = None;
+    (rest.rbf, rest.certificate) = (None, None);
     if let Some((arms, scales)) = kernel::arms_and_scales(data) {
         rest.rbf = Some(kernel::interpolate(&rest, &arms, &scales)?);
     }
