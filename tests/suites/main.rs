@@ -1,5 +1,6 @@
 //! All suites, one binary.
 
+mod blending;
 mod build;
 mod frame;
 mod garment;

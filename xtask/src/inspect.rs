@@ -5,6 +5,7 @@ use glam::DVec3;
 use kitsuke::Pack;
 use kitsuke::garment::{Certificate, GarmentData, LeftOut};
 use kitsuke::pack::layout::MAGIC;
+use kitsuke::pose_blend::rbf::{ChainJoint, Rbf};
 use kitsuke_pipeline::diagnostic::Diagnostic;
 use kitsuke_pipeline::source::{body, obj, tables};
 use std::fmt::Write;
@@ -107,6 +108,9 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
         let row = format!("{:<28} {step_um:>8.3} {count:>9} {bytes:>9}  {}\n", target.name, segments.join(" "));
         text.push_str(&row);
     }
+    if let Some(rbf) = &data.rbf {
+        text.push_str(&kernel_text(rbf));
+    }
     if let Some(certificate) = &data.certificate {
         text.push_str(&certificate_text(certificate, data));
     }
@@ -176,6 +180,17 @@ fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
     let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
     let likely = units.iter().find(|(_, metres)| (0.4..4.0).contains(&(size.max_element() * metres)));
     line!(text, "unit", "{}", likely.map_or("neither mm, cm nor m looks likely", |(name, _)| *name));
+}
+
+fn kernel_text(rbf: &Rbf) -> String {
+    let mut text = String::from("\nkernel\n");
+    line!(text, "reach", "{:.3}, joint width {:.3}, ridge {:.4}", rbf.reach, rbf.joint_width, rbf.ridge);
+    for group in &rbf.groups {
+        let joint = |joint: &ChainJoint| format!("{} {:.3}/{:.3}", joint.bone.name(), joint.swing, joint.twist);
+        let joints: Vec<String> = group.chain.iter().map(joint).collect();
+        line!(text, group.name, "swing/twist {}", joints.join(", "));
+    }
+    text
 }
 
 fn certificate_text(certificate: &Certificate, data: &GarmentData) -> String {

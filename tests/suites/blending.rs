@@ -1,0 +1,125 @@
+//! The default kernel on the sample kimono: exact at its samples, smooth between them, better than the other ways of
+//! blending at shapes that it has not seen. The figures are measured here, not read from the pack.
+
+use glam::Vec3;
+use kitsuke::pose_blend::Kernel;
+use kitsuke::skeleton::{Bone, Pose};
+use kitsuke::{Frame, Garment, Scratch, evaluate};
+use kitsuke_pipeline::certificate::{Smoothness, fastest, keep_budgets, smoothness};
+use kitsuke_pipeline::frames::{Blend, Distance, Stage, in_source_order, own_poses};
+use kitsuke_pipeline::leave_one_out::{Error, Method, errors};
+use kitsuke_pipeline::memo::Memo;
+use kitsuke_pipeline::pose_space::poses;
+use kitsuke_pipeline::{build_garment, ir, source};
+use std::path::Path;
+use std::sync::LazyLock;
+
+static KOMON: LazyLock<(ir::Garment, Garment)> = LazyLock::new(|| {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
+    let source = source::load(&folder).garment.expect("the sample has no mistakes");
+    let cache = tempfile::tempdir().unwrap();
+    let built = build_garment(&source, &Memo::new(cache.path()), &|_| {}).unwrap();
+    (source, built.garment)
+});
+
+#[test]
+fn every_sample_comes_back_from_its_pose() {
+    let (source, garment) = &*KOMON;
+    assert_eq!(garment.kernel(), Kernel::Rbf);
+    let mut stage = Stage::new(garment);
+    for (shot, target) in own_poses(garment).iter_mut().skip(1).zip(&source.targets) {
+        shot.blend = Blend::Kernel(Kernel::Rbf);
+        let found_m = in_source_order(garment, stage.show(shot).0);
+        let Distance { max_m, mean_m, .. } = Distance::between(&found_m, &target.positions_m);
+        assert!(max_m <= 0.25e-3 && mean_m <= 0.05e-3, "{}: {max_m} m, mean {mean_m} m", target.name);
+    }
+}
+
+#[test]
+fn a_thousand_paths_have_no_jump_and_no_corner() {
+    let (_, garment) = &*KOMON;
+    let Smoothness { step_mm, step_change_mm } = smoothness(garment, 1000, 3);
+    assert!(step_mm <= 0.3, "{step_mm} mm in a step of 0.01 degrees");
+    assert!(step_change_mm <= 0.01, "{step_change_mm} mm from one step to the next");
+}
+
+#[test]
+fn unseen_targets_are_predicted_better_than_by_any_other_way() {
+    let (_, garment) = &*KOMON;
+    let mean = |method: Method, of: fn(&Error) -> f64| {
+        let errors = errors(garment, method).unwrap();
+        errors.iter().map(of).sum::<f64>() / errors.len() as f64
+    };
+    let figures = |method| [mean(method, |error| error.mean_mm), mean(method, |error| error.p99_mm)];
+    let [own_mean, own_p99] = figures(Method::Default);
+    for method in [
+        Method::Nearest,
+        Method::Skinning,
+        Method::InverseDistance,
+        Method::Paper,
+        Method::LinearRbf,
+        Method::ThinPlate,
+    ] {
+        let [mean, p99] = figures(method);
+        assert!(own_mean < mean && own_p99 < p99, "{}: {mean} and {p99}", method.name());
+    }
+}
+
+#[test]
+fn a_frame_does_not_depend_on_the_frames_before() {
+    let (_, garment) = &*KOMON;
+    let poses = poses(&garment.data().poses, 12);
+    let mut scratch = Scratch::new(garment);
+    let mut bits = |pose: &Pose| {
+        let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+        let mut normals = positions_m.clone();
+        let frame = Frame { positions_m: &mut positions_m, normals: &mut normals };
+        evaluate(garment, pose, &mut scratch, frame);
+        let all = positions_m.iter().chain(&normals);
+        all.flat_map(|v| v.to_array().map(f32::to_bits)).collect::<Vec<_>>()
+    };
+    let forward: Vec<_> = poses.iter().map(&mut bits).collect();
+    let mut backward: Vec<_> = poses.iter().rev().map(&mut bits).collect();
+    backward.reverse();
+    assert!(forward == backward);
+}
+
+/// Far from all samples the targets fade out: an arm across the back, where nobody made a shape.
+#[test]
+fn far_from_all_samples_the_skinned_base_remains() {
+    let (_, garment) = &*KOMON;
+    let behind = glam::Quat::from_rotation_y(std::f32::consts::PI * 0.9);
+    let pose = Pose::REST.with(Bone::LeftUpperArm, behind).with(Bone::LeftLowerArm, behind);
+    let mut rates = kitsuke::Rates::new(garment);
+    kitsuke::pose_blend::rates(Kernel::Rbf, garment, &pose, &mut rates);
+    let left = garment.data().rbf.as_ref().unwrap().groups.iter().find(|group| group.name == "leftArm").unwrap();
+    let largest = left.drivers.iter().flat_map(|&d| rates.driver(usize::from(d))).fold(0.0f32, |a, r| a.max(r.abs()));
+    assert!(largest == 0.0, "a rate of {largest}");
+}
+
+#[test]
+fn a_pack_over_its_budgets_names_joint_and_poses() {
+    let (source, garment) = &*KOMON;
+    let certificate = garment.data().certificate.as_ref().unwrap();
+    assert_eq!(keep_budgets(certificate, source), Ok(()));
+
+    let slow = ir::Garment { speed_budget_m: Some(1e-3), ..source.clone() };
+    let said = keep_budgets(certificate, &slow).unwrap_err().to_string();
+    let rows = certificate.fastest_rows.map(|row| source.targets[usize::from(row) - 1].name.as_str());
+    for name in [certificate.fastest_joint.name(), rows[0], rows[1], "speed_budget"] {
+        assert!(said.contains(name), "{said}");
+    }
+
+    let wise = ir::Garment { unseen_budget_m: Some(10e-3), ..source.clone() };
+    let said = keep_budgets(certificate, &wise).unwrap_err().to_string();
+    assert!(said.contains("unseen_budget") && source.targets.iter().any(|t| said.contains(&t.name)), "{said}");
+}
+
+#[test]
+fn the_certificate_is_what_frames_show() {
+    let (_, garment) = &*KOMON;
+    let certificate = garment.data().certificate.as_ref().unwrap();
+    // More poses than the build measures may find a faster one, but not by much.
+    let found = fastest(garment, 40).unwrap();
+    assert!(found.speed_mm_per_deg > 1.0 && found.speed_mm_per_deg <= certificate.speed_mm_per_deg * 1.001);
+}
