@@ -1,6 +1,7 @@
 //! Source → Ir: units become metres and radians, names become numbers, and every mistake of the artist is reported, all
 //! in one run. Knows what garments are like, and no file format.
 
+mod exchange;
 mod mesh;
 mod placement;
 mod target;
@@ -251,11 +252,11 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
                 );
             }
         }
-        if row.name.len() > limits::NAME_BYTES || row.name.chars().any(char::is_control) {
+        if row.name.len() > limits::NAME_BYTES || !can_name_a_file(&row.name) {
             report.push(
                 Diagnostic::error("target-name", file, Place::Line(row.line))
-                    .problem("the name is too long or has control characters")
-                    .help(format!("Use at most {} bytes of printable text.", limits::NAME_BYTES)),
+                    .problem("the name is too long or has characters that no file name may have")
+                    .help(format!("Use at most {} bytes of printable text without / and \\.", limits::NAME_BYTES)),
             );
         }
     }
@@ -330,11 +331,11 @@ fn check_drivers(
                         .help("Give every driver a name of its own."),
                 );
             }
-            if name.is_empty() || name.len() > limits::NAME_BYTES {
+            if name.is_empty() || name.len() > limits::NAME_BYTES || !can_name_a_file(name) {
                 report.push(
                     Diagnostic::error("driver-name", file, field.place())
-                        .problem("the driver's name is empty or too long")
-                        .help(format!("Use 1 to {} bytes.", limits::NAME_BYTES)),
+                        .problem("the driver's name is empty, too long, or has characters that no file name may have")
+                        .help(format!("Use 1 to {} bytes of printable text without / and \\.", limits::NAME_BYTES)),
                 );
             }
             names.push(name);
@@ -545,6 +546,11 @@ fn measured_paths(paths: Paths) -> impl Iterator<Item = ir::MeasuredPath> {
         vertices: path.vertices.iter().flatten().filter_map(|vertex| vertex.get().copied()).collect(),
         offset_m: path.offset.map_or(0.0, |offset| offset.metres() as f32),
     })
+}
+
+/// Whether a name may be part of the name of a file, as those of targets and drivers are.
+fn can_name_a_file(name: &str) -> bool {
+    !name.chars().any(|c| c.is_control() || c == '/' || c == '\\')
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod blending;
 mod build;
 mod frame;
 mod garment;
+mod invariants;
 mod look;
 mod mistakes;
 mod motion;

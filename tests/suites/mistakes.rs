@@ -70,6 +70,7 @@ fn step(place: &mut Workplace, step: &str) {
         }
         ["append", file, text] => write(file, &[&read(file)[..], text.as_bytes(), b"\n"].concat()),
         ["write", file, text] => write(file, text.as_bytes()),
+        ["folder", name] => fs::create_dir(at(name)).unwrap(),
         ["delete", file] => fs::remove_file(at(file)).unwrap(),
         ["copy", from, to] => write(to, &read(from)),
         ["rename", id] => {
@@ -267,6 +268,24 @@ fn foreign_columns_of_a_pose_table_are_passed_over() {
     assert_eq!(table.poses(), ours.poses());
 }
 
+/// Two lines of a file change places, in cloth that is creased elsewhere.
+#[test]
+fn exchanged_vertices_of_the_sample_are_found_and_creases_are_not() {
+    let assets = tempfile::tempdir().unwrap();
+    let sources = tests_dir().join("../assets-src");
+    copy_folder(&sources.join("komon"), &assets.path().join("komon"));
+    copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
+    let mut place = Workplace { assets, id: "komon".to_owned() };
+    assert_eq!(source::load(&place.garment()).diagnostics, []);
+    step(&mut place, "exchange | poses/05_right_down.obj | 5001 | 5002");
+    step(&mut place, "exchange | poses/18_right_up_bent_left_down.obj | 301 | 9001");
+    let diagnostics = source::load(&place.garment()).diagnostics;
+    let said: Vec<(&str, &str)> = diagnostics.iter().map(|d| (d.code, d.problem.as_str())).collect();
+    let expected = |pair: &str| format!("vertices {pair} are exchanged, compared with komon/base.obj");
+    let (first, second) = (expected("5001 and 5002"), expected("301 and 9001"));
+    assert_eq!(said, [("vertex-order", first.as_str()), ("vertex-order", second.as_str())]);
+}
+
 #[test]
 fn every_mistake_has_its_message() {
     let recipes = recipes();
@@ -279,6 +298,10 @@ fn every_mistake_has_its_message() {
 fn every_message_has_its_recipe() {
     for entry in fs::read_dir(tests_dir().join("mistakes/messages")).unwrap() {
         let path = entry.unwrap().path();
+        // Messages that were not accepted yet come and go beside them.
+        if path.extension().is_none_or(|extension| extension != "snap") {
+            continue;
+        }
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let is_format = name.starts_with("format_");
         assert!(is_format || tests_dir().join(format!("mistakes/{name}.txt")).exists(), "{} is stale", path.display());

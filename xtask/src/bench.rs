@@ -3,6 +3,7 @@
 use crate::places::{Places, in_workspace, write_whole};
 use glam::Vec3;
 use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
+use kitsuke::pack::layout;
 use kitsuke::skeleton::{Pose, bvh};
 use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, pose_blend};
 use kitsuke_pipeline::catalog::{self, Mode, Options};
@@ -73,7 +74,7 @@ fn bench(args: &Args) -> Result<(), String> {
     let (_, bytes) = args.places.read_pack(&args.garment)?;
     note("open_ms_median", json!(rounded(open_ms(&bytes))));
     note("pack_bytes", json!(bytes.len()));
-    let targets = pack.sections().iter().find(|section| section.tag.0 == *b"TGTS");
+    let targets = pack.sections().iter().find(|section| section.tag == layout::TGTS);
     note("pack_target_bytes", json!(targets.map_or(0, |section| section.stored_length)));
     let (clean_s, noop_s) = build_s(&args.places.assets)?;
     note("build_clean_s", json!(rounded(clean_s)));

@@ -2,8 +2,11 @@
 
 use std::process::{Command, ExitCode};
 
-/// Formatting, lints, every test, documentation, and the catalog against its committed index.
-const STEPS: &[(&str, &[&str], &[(&str, &str)])] = &[
+/// One step: its name, the arguments of cargo, and what is added to the environment.
+type Step = (&'static str, &'static [&'static str], &'static [(&'static str, &'static str)]);
+
+/// Formatting, lints, every test and documentation.
+const STEPS: &[Step] = &[
     ("format", &["fmt", "--all", "--check"], &[]),
     ("lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[]),
     ("tests", &["test", "--workspace"], &[("INSTA_UPDATE", "no")]),
@@ -11,7 +14,7 @@ const STEPS: &[(&str, &[&str], &[(&str, &str)])] = &[
     ("documentation", &["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", "-D warnings")]),
 ];
 
-/// No options: CI and a person run the same.
+/// Run exactly what CI runs after the catalog is built
 #[derive(clap::Args)]
 pub struct Args {}
 

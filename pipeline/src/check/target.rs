@@ -1,7 +1,7 @@
 //! Whether a target is the base in another pose: the same vertices in the same order, unit and axes. The geometric
 //! tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
 
-use super::{NamedMesh, grouped};
+use super::{NamedMesh, exchange, grouped};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::folder::Folder;
@@ -25,6 +25,7 @@ pub(super) struct Reference<'a> {
     mesh: &'a obj::Mesh,
     positions_m: &'a [Vec3],
     edges: Vec<[u32; 2]>,
+    neighbours: Vec<Vec<u32>>,
     height_m: f32,
     /// Vertices that no arm moves: those under the obi, or all where there is none.
     resting: Vec<u32>,
@@ -52,11 +53,13 @@ impl<'a> Reference<'a> {
         let mut corners = base.mesh.corners.clone();
         corners.sort_unstable();
         corners.dedup();
+        let edges = super::mesh::edges(&surface.triangles);
         Reference {
+            neighbours: exchange::neighbours(positions_m.len(), &edges),
             file: base.file,
             mesh: base.mesh,
             positions_m,
-            edges: super::mesh::edges(&surface.triangles),
+            edges,
             height_m: (high - low).max_element().max(f32::MIN_POSITIVE),
             resting,
             cycles: sorted_cycles(base.mesh, false),
@@ -253,6 +256,16 @@ fn wrong_order(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         let problem = format!("same faces as {}, but the positions stand in another order", base.file);
         return mistake("vertex-order", problem, help);
     }
+    let pairs = exchange::exchanged(base.positions_m, positions_m, &base.neighbours);
+    if let Some([a, b]) = pairs.first() {
+        let more = match pairs.len() - 1 {
+            0 => String::new(),
+            1 => ", and so are two others".to_owned(),
+            more => format!(", and so are {more} other pairs"),
+        };
+        let problem = format!("vertices {} and {} are exchanged, compared with {}{more}", a + 1, b + 1, base.file);
+        return mistake("vertex-order", problem, help);
+    }
     let wrong: Vec<[u32; 2]> = beyond(STRETCH).collect();
     let [a, b] = *wrong.first()?;
     let problem = format!(
@@ -262,11 +275,7 @@ fn wrong_order(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         a + 1,
         b + 1
     );
-    mistake(
-        "stretched",
-        problem,
-        "Look whether vertices were exchanged or the simulation broke there, and export again.",
-    )
+    mistake("stretched", problem, "Look whether the simulation broke there, and export again.")
 }
 
 fn displaced(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {

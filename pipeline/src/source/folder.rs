@@ -119,7 +119,11 @@ impl Folder {
     pub fn similar(&self, name: &str) -> Option<String> {
         let (dir, file) = name.rsplit_once('/')?;
         let entries = fs::read_dir(self.root.join(dir)).ok()?;
-        let mut names: Vec<String> = entries.flatten().filter_map(|e| e.file_name().into_string().ok()).collect();
+        let mut names: Vec<String> = entries
+            .flatten()
+            .filter(|entry| entry.path().is_file())
+            .filter_map(|entry| entry.file_name().into_string().ok())
+            .collect();
         names.sort();
         super::closest(file, names.iter().map(String::as_str)).map(str::to_owned)
     }

@@ -136,10 +136,12 @@ fn utf8<'a>(file: &str, bytes: &'a [u8], report: &mut Vec<Diagnostic>) -> Option
         Ok(text) => Some(text),
         Err(error) => {
             let line = bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
+            let problem = match bytes {
+                [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "the file is UTF-16 text",
+                _ => "the file is not UTF-8 text",
+            };
             report.push(
-                Diagnostic::error("encoding", file, Place::Line(line))
-                    .problem("the file is not UTF-8 text")
-                    .help("Save it as UTF-8."),
+                Diagnostic::error("encoding", file, Place::Line(line)).problem(problem).help("Save it as UTF-8."),
             );
             None
         }

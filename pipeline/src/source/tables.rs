@@ -88,6 +88,16 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
             return None;
         }
     };
+    if let Some(separator) =
+        [(";", "semicolons"), ("\t", "tabs")].iter().find(|(s, _)| headers.len() == 1 && headers[0].contains(s))
+    {
+        report.push(
+            Diagnostic::error("csv-syntax", file, Place::Line(1))
+                .problem(format!("the columns are separated by {}, not by commas", separator.1))
+                .help("Save the table with commas between columns, and with points in numbers."),
+        );
+        return None;
+    }
     let columns: Vec<Column> = headers.iter().map(|header| column(file, header, report)).collect();
     let mut bones: Vec<Bone> = Vec::new();
     for column in &columns {

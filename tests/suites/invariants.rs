@@ -1,0 +1,154 @@
+//! What ARCHITECTURE.md promises of the code itself, held against the sources. The numbers are those of its list; what
+//! an invariant says of results is tested in the suites that are named beside it.
+
+use kitsuke::skeleton::Bone;
+use kitsuke_pipeline::catalog::{self, Mode, Options, Silent};
+use kitsuke_pipeline::source;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+/// The Rust files of a folder, at any depth.
+fn rust_files(folder: &str) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![repository().join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.push(path);
+            }
+        }
+    }
+    assert!(!files.is_empty(), "{folder} has no Rust files");
+    files.sort();
+    files
+}
+
+/// Where the code of the files, comments left out, has one of these words.
+fn uses(files: &[PathBuf], words: &[&str]) -> Vec<String> {
+    let mut found = Vec::new();
+    for path in files {
+        for (i, line) in fs::read_to_string(path).unwrap().lines().enumerate() {
+            let code = line.split("//").next().unwrap();
+            let mut of_line = code.split(|c: char| !c.is_alphanumeric() && c != '_');
+            if of_line.any(|word| words.contains(&word)) {
+                let file = path.strip_prefix(repository()).unwrap();
+                found.push(format!("{}:{}: {}", file.display(), i + 1, line.trim()));
+            }
+        }
+    }
+    found
+}
+
+fn without(files: Vec<PathBuf>, folder: &str) -> Vec<PathBuf> {
+    let folder = repository().join(folder);
+    files.into_iter().filter(|file| !file.starts_with(&folder)).collect()
+}
+
+/// 1. That `evaluate` does not allocate is tested in `alloc/`, that it cannot fail in the suites `frame` and `pack`.
+#[test]
+fn the_runtime_opens_no_file_starts_no_thread_and_reads_no_clock() {
+    let outside = ["fs", "File", "net", "process", "env", "io", "thread", "rayon", "Instant", "SystemTime"];
+    let said = ["print", "println", "eprint", "eprintln", "dbg"];
+    assert_eq!(uses(&rust_files("runtime/src"), &[&outside[..], &said[..]].concat()), [""; 0]);
+}
+
+/// 2.
+#[test]
+fn only_source_derives_deserialize_and_reads_foreign_formats() {
+    let words = ["Deserialize", "serde", "schemars", "csv", "gltf"];
+    let files = rust_files("pipeline/src");
+    assert_eq!(uses(&without(files, "pipeline/src/source"), &words), [""; 0]);
+}
+
+/// 3.
+#[test]
+fn stages_touch_no_files_no_globals_and_no_terminal() {
+    let stages = ["skin", "weights", "laplacian", "deltas", "regions", "kernel", "compress", "verify"];
+    let files = stages.map(|stage| repository().join(format!("pipeline/src/{stage}.rs")));
+    let words =
+        ["fs", "File", "env", "io", "print", "println", "eprintln", "static", "thread_local", "Mutex", "Instant"];
+    let found = uses(&files, &words);
+    let is_state = |line: &String| !line.contains("&'static ");
+    assert_eq!(found.into_iter().filter(is_state).collect::<Vec<_>>(), [""; 0]);
+}
+
+/// 4. That frames are in metres is tested in the suite `look` against the artist's files.
+#[test]
+fn the_sample_stands_upright_in_metres_with_its_left_at_plus_x() {
+    let garment = source::load(&repository().join("assets-src/komon")).garment.expect("the sample is sound");
+    let at = |bone| garment.body.skeleton.joints()[garment.body.skeleton.index_of(bone).unwrap()].rest_m;
+    assert!((0.5..1.5).contains(&at(Bone::Hips).y), "{:?}", at(Bone::Hips));
+    assert!(at(Bone::Head).y > at(Bone::Hips).y + 0.3);
+    assert!(at(Bone::LeftUpperArm).x > 0.05 && at(Bone::RightUpperArm).x < -0.05);
+    assert!(garment.drivers.iter().all(|driver| (0.0..=std::f32::consts::PI).contains(&driver.threshold_rad)));
+}
+
+/// 5. That packs of every version open is tested in the suite `pack`.
+#[test]
+fn section_tags_stand_in_the_layout_alone() {
+    let layout = repository().join("runtime/src/pack/layout.rs");
+    let text = fs::read_to_string(&layout).unwrap();
+    let tags: Vec<String> = text.match_indices("Tag(*b\"").map(|(at, _)| text[at + 5..at + 12].to_owned()).collect();
+    assert!(tags.len() >= 8 && tags.iter().all(|tag| tag.len() == 7 && tag.ends_with('"')), "{tags:?}");
+    let mut files = [rust_files("runtime/src"), rust_files("pipeline/src"), rust_files("xtask/src")].concat();
+    files.retain(|file| *file != layout);
+    for file in files {
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(tags.iter().all(|tag| !text.contains(tag.as_str())), "{} names a section by its bytes", file.display());
+    }
+}
+
+/// 6. That bytes are the same on any threads in any folder is tested in the suite `build`; clippy forbids hash maps,
+/// clocks and the sines of the standard library.
+#[test]
+fn nothing_that_feeds_a_pack_chooses_its_instructions_by_processor() {
+    let words = ["is_x86_feature_detected", "target_feature", "mul_add", "HashMap", "HashSet", "RandomState"];
+    assert_eq!(uses(&[rust_files("runtime/src"), rust_files("pipeline/src")].concat(), &words), [""; 0]);
+}
+
+/// 8.
+#[test]
+fn unsafe_stands_in_the_counting_allocator_alone() {
+    let folders = ["runtime", "pipeline", "xtask"].map(rust_files).concat();
+    assert_eq!(uses(&folders, &["unsafe"]), [""; 0]);
+    for manifest in ["Cargo.toml", "xtask/Cargo.toml"] {
+        let text = fs::read_to_string(repository().join(manifest)).unwrap();
+        assert!(text.contains("unsafe_code = \"forbid\""), "{manifest}");
+    }
+    for manifest in ["runtime/Cargo.toml", "pipeline/Cargo.toml"] {
+        let text = fs::read_to_string(repository().join(manifest)).unwrap();
+        assert!(text.contains("[lints]\nworkspace = true"), "{manifest}");
+    }
+}
+
+/// 9.
+#[test]
+fn every_intermediate_can_be_written_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let options = Options {
+        assets: repository().join("tests/garments"),
+        catalog: at("catalog"),
+        cache: at("cache"),
+        ids: vec!["tube".to_owned()],
+        mode: Mode::Write,
+        emit: Some(at("emitted")),
+    };
+    assert!(catalog::build(&options, &Silent).unwrap().is_complete());
+    let entries = fs::read_dir(at("emitted/tube")).unwrap().map(|entry| entry.unwrap().file_name());
+    let names: BTreeSet<String> = entries.map(|name| name.into_string().unwrap()).collect();
+    for kind in ["skin_", "region_", "delta_", "unposed_"] {
+        assert!(names.iter().any(|name| name.starts_with(kind)), "no {kind} among {names:?}");
+    }
+    let garment = source::load(&repository().join("tests/garments/tube")).garment.unwrap();
+    assert_eq!(names.iter().filter(|name| name.starts_with("region_")).count(), garment.drivers.len());
+    assert_eq!(names.iter().filter(|name| name.starts_with("delta_")).count(), garment.targets.len());
+}
