@@ -168,7 +168,10 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     let komon = &report.garments[0];
     assert_eq!(komon.reasons, ["komon/poses/13_right_elbow_90.obj changed"]);
     assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin"]);
-    assert_eq!(runs(komon, Origin::Computed), ["certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]);
+    assert_eq!(
+        runs(komon, Origin::Computed),
+        ["certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
+    );
 }
 
 #[test]
