@@ -2,10 +2,12 @@
 //! Each step is a function of its own, so that it can be measured. Knows no bytes of a pack, allocates nothing and
 //! cannot fail.
 
-use crate::garment::{Garment, GarmentData, Segment, SkinWeights};
+use crate::garment::{Garment, GarmentData, Segment, SkinWeights, limits};
 use crate::pose_blend::{self, Rates};
 use crate::skeleton::Pose;
-use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
+use glam::{Affine3A, Vec3, Vec3A};
+use pulp::{Arch, Simd, WithSimd};
+use std::collections::BTreeMap;
 use std::mem::size_of_val;
 use std::ops::Range;
 
@@ -41,6 +43,9 @@ pub(crate) struct Plan {
     /// Which targets move each segment: the pieces of segment `s` are `of_segment[s]..of_segment[s + 1]`.
     of_segment: Vec<u32>,
     pieces: Vec<Piece>,
+    /// Whether the masks of every vertex of a segment sum to one.
+    is_whole: Vec<bool>,
+    skin: BlockedSkin,
     /// Triangles over the unique vertices, so that normals are smooth across seams.
     triangles: Vec<[u32; 3]>,
 }
@@ -53,9 +58,43 @@ struct Piece {
     start: u32,
 }
 
-/// Vertices blended at a time, a multiple of 4: their sums and masks stay in the first-level cache while target after
-/// target is added.
-const BLOCK: usize = 128;
+/// Vertices blended at a time: their sums stay in the first-level cache while target after target is added.
+const BLOCK: usize = 512;
+const FLOATS: usize = 3 * BLOCK;
+
+/// Vertices skinned at a time, one in each lane of the vector registers.
+const LANES: usize = 16;
+
+/// Skin weights by blocks of [`LANES`] vertices: neighbours are moved by the same few joints.
+#[derive(Clone, Debug, Default)]
+struct BlockedSkin {
+    /// How many joints move each block.
+    counts: Vec<u8>,
+    /// Those joints, block after block.
+    joints: Vec<u8>,
+    /// The weights of each such joint in 1/65535, 0 where it does not move the vertex.
+    weights: Vec<[u16; LANES]>,
+}
+
+impl BlockedSkin {
+    fn new(skin: &[SkinWeights]) -> BlockedSkin {
+        let mut blocked = BlockedSkin::default();
+        for block in skin.chunks(LANES) {
+            let mut by_joint = BTreeMap::new();
+            for (lane, vertex) in block.iter().enumerate() {
+                for (&joint, &weight) in vertex.joints.iter().zip(&vertex.weights) {
+                    if weight != 0 {
+                        by_joint.entry(joint).or_insert([0; LANES])[lane] += weight;
+                    }
+                }
+            }
+            blocked.counts.push(by_joint.len() as u8);
+            blocked.joints.extend(by_joint.keys());
+            blocked.weights.extend(by_joint.values());
+        }
+        blocked
+    }
+}
 
 impl Plan {
     /// Of checked arrays.
@@ -78,14 +117,28 @@ impl Plan {
             Some(twin) => data.mesh.twin_of[twin],
             None => vertex,
         };
-        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
-        Plan { of_segment, pieces: by_segment.concat(), triangles }
+        let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let is_whole = data.segments.iter().map(|segment| {
+            let mut rows = segment.masks.chunks_exact(segment.drivers.len().max(1));
+            rows.all(|row| row.iter().map(|&mask| u32::from(mask)).sum::<u32>() == u32::from(u16::MAX))
+        });
+        let (is_whole, skin) = (is_whole.collect(), BlockedSkin::new(&data.skin));
+        Plan { of_segment, pieces: by_segment.concat(), is_whole, skin, triangles: interleaved(triangles) }
     }
 
     fn pieces(&self, segment: usize) -> &[Piece] {
         &self.pieces[self.of_segment[segment] as usize..self.of_segment[segment + 1] as usize]
     }
 }
+
+/// The same triangles from several places of the list in turn. Neighbours in the list share vertices, and adding to a
+/// normal has to wait for the addition before.
+fn interleaved(triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+    let stride = triangles.len().div_ceil(STREAMS);
+    (0..stride).flat_map(|first| triangles.iter().skip(first).step_by(stride).copied()).collect()
+}
+
+const STREAMS: usize = 1;
 
 impl Scratch {
     /// Working memory for this garment, or any other with as many vertices, joints, drivers and targets.
@@ -143,94 +196,156 @@ fn evaluate_sanitised(garment: &Garment, pose: &Pose, rates: &Rates, scratch: &m
 /// # Panics
 /// When `rates` or `scratch` was made for a garment of another shape.
 pub fn blend(garment: &Garment, rates: &Rates, scratch: &mut Scratch) {
-    let data = garment.data();
     rates.assert_fits(garment);
-    let base_m: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
-    let mut first = 0;
-    for (number, segment) in data.segments.iter().enumerate() {
-        let pieces = garment.plan().pieces(number);
-        let count = segment.vertex_count as usize;
-        for row in (0..count).step_by(BLOCK) {
-            let rows = row..count.min(row + BLOCK);
-            let floats = 3 * (first + rows.start)..3 * (first + rows.end);
-            let mut sums_m = [[Vec4::ZERO; 3]; BLOCK / 4];
-            floats_of(&mut sums_m)[..floats.len()].copy_from_slice(&base_m[floats.clone()]);
-            // Most cloth has one to four drivers, and then each delta is touched once.
-            for column in (0..segment.drivers.len()).step_by(4) {
-                let add_deltas = match segment.drivers.len() - column {
-                    1 => add_deltas::<1>,
-                    2 => add_deltas::<2>,
-                    3 => add_deltas::<3>,
-                    _ => add_deltas::<4>,
-                };
-                add_deltas(data, segment, column, rows.clone(), pieces, rates, &mut sums_m);
-            }
-            let length = floats.len();
-            scratch.blended_m[floats].copy_from_slice(&floats_of(&mut sums_m)[..length]);
-        }
-        first += count;
+    assert_eq!(scratch.blended_m.len(), 3 * garment.unique_count(), "scratch of another garment");
+    Arch::new().dispatch(Blend { garment, rates, blended_m: &mut scratch.blended_m });
+}
+
+struct Blend<'a> {
+    garment: &'a Garment,
+    rates: &'a Rates,
+    blended_m: &'a mut [f32],
+}
+
+impl WithSimd for Blend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        blend_segments(self.garment, self.rates, self.blended_m);
     }
 }
 
-/// The coordinates of four vertices: `x y z x`, `y z x y`, `z x y z`.
-type Four = [Vec4; 3];
-
-fn floats_of(sums_m: &mut [Four]) -> &mut [f32] {
-    bytemuck::cast_slice_mut(sums_m)
-}
-
-/// Adds what `D` drivers, columns of the segment's masks, contribute to a block of its vertices.
-fn add_deltas<const D: usize>(
-    data: &GarmentData,
-    segment: &Segment,
-    column: usize,
-    rows: Range<usize>,
-    pieces: &[Piece],
-    rates: &Rates,
-    sums_m: &mut [Four],
-) {
-    let drivers: [usize; D] = std::array::from_fn(|d| usize::from(segment.drivers[column + d]));
-    // By four vertices, one lane each; in 1/65535, which the rates make up for.
-    let mut masks = [[Vec4::splat(65535.0); D]; BLOCK / 4];
-    if !segment.masks.is_empty() {
-        for (i, row) in rows.clone().enumerate() {
-            let row = &segment.masks[row * segment.drivers.len() + column..][..D];
-            for (mask, &unpacked) in masks[i / 4].iter_mut().zip(row) {
-                mask[i % 4] = f32::from(unpacked);
-            }
-        }
-    }
-    for piece in pieces {
-        let target = &data.targets[usize::from(piece.target)];
-        let rates = drivers.map(|driver| rates.driver(driver)[usize::from(piece.target)]);
-        if rates == [0.0; D] {
-            continue;
-        }
-        let rates_m = rates.map(|rate| Vec4::splat(rate * (target.step_m / 65535.0)));
-        let start = piece.start as usize;
-        let (fours, rest) = target.deltas[start + rows.start..start + rows.end].as_flattened().as_chunks();
-        for ((sums_m, masks), deltas) in sums_m.iter_mut().zip(&masks).zip(fours) {
-            add_four(sums_m, masks, &rates_m, deltas);
-        }
-        if !rest.is_empty() {
-            let mut deltas = [0; 12];
-            deltas[..rest.len()].copy_from_slice(rest);
-            add_four(&mut sums_m[fours.len()], &masks[fours.len()], &rates_m, &deltas);
-        }
-    }
-}
-
-/// Adds one target's deltas to four vertices.
 #[inline(always)]
-fn add_four<const D: usize>(sums_m: &mut Four, masks: &[Vec4; D], rates_m: &[Vec4; D], deltas: &[i16; 12]) {
-    let mut step_m = masks[0] * rates_m[0];
-    for d in 1..D {
-        step_m += masks[d] * rates_m[d];
+fn blend_segments(garment: &Garment, rates: &Rates, mut blended_m: &mut [f32]) {
+    let data = garment.data();
+    blended_m.copy_from_slice(bytemuck::cast_slice(&data.mesh.positions_m));
+    for (number, segment) in data.segments.iter().enumerate() {
+        let (of_segment, rest) = blended_m.split_at_mut(3 * segment.vertex_count as usize);
+        blended_m = rest;
+        let pieces = garment.plan().pieces(number);
+        let shares = Shares::of(segment, rates);
+        for (block, sums_m) in of_segment.chunks_mut(FLOATS).enumerate() {
+            let rows = block * BLOCK..block * BLOCK + sums_m.len() / 3;
+            for pair in shares.firsts[..shares.count].chunks(2) {
+                let rates_of = |first: u8| rates.driver(usize::from(segment.drivers[usize::from(first)]));
+                let (mut a_m, mut b_m) = ([0.0; FLOATS], [0.0; FLOATS]);
+                match *pair {
+                    [a, b] => {
+                        let rates = [rates_of(a), rates_of(b)];
+                        in_fours(data, pieces, &rows, rates, |four| add_to_two(four, &mut a_m, &mut b_m));
+                        shares.add(segment, b, rows.clone(), &b_m, sums_m);
+                    }
+                    [a, ..] => in_fours(data, pieces, &rows, [rates_of(a)], |four| add_to_one(four, &mut a_m)),
+                    [] => unreachable!("chunks are not empty"),
+                }
+                if shares.count == 1 && garment.plan().is_whole[number] {
+                    for (sum_m, move_m) in sums_m.iter_mut().zip(&a_m) {
+                        *sum_m += move_m;
+                    }
+                } else {
+                    shares.add(segment, pair[0], rows.clone(), &a_m, sums_m);
+                }
+            }
+        }
     }
-    let [a, b, c, d, e, f, g, h, i, j, k, l] = deltas.map(f32::from);
-    sums_m[0] += step_m.xxxy() * Vec4::new(a, b, c, d);
-    sums_m[1] += step_m.yyzz() * Vec4::new(e, f, g, h);
-    sums_m[2] += step_m.zwww() * Vec4::new(i, j, k, l);
+}
+
+/// Which drivers of a segment have the same rates, for example because one group sets them: their masks can be added
+/// up, and each delta is touched once for all of them.
+struct Shares {
+    /// For every driver of the segment the first one with the same rates.
+    first: [u8; limits::DRIVERS],
+    /// The drivers that are such firsts.
+    firsts: [u8; limits::DRIVERS],
+    count: usize,
+}
+
+impl Shares {
+    fn of(segment: &Segment, rates: &Rates) -> Shares {
+        let mut shares = Shares { first: [0; limits::DRIVERS], firsts: [0; limits::DRIVERS], count: 0 };
+        let rates_of = |column: u8| rates.driver(usize::from(segment.drivers[usize::from(column)]));
+        for column in 0..segment.drivers.len() as u8 {
+            let known = &shares.firsts[..shares.count];
+            let first = known.iter().copied().find(|&first| rates_of(first) == rates_of(column)).unwrap_or(column);
+            if first == column {
+                shares.firsts[shares.count] = column;
+                shares.count += 1;
+            }
+            shares.first[usize::from(column)] = first;
+        }
+        shares
+    }
+
+    /// Adds what the drivers like `first` move, by their masks.
+    #[inline(always)]
+    fn add(&self, segment: &Segment, first: u8, rows: Range<usize>, moves_m: &[f32], sums_m: &mut [f32]) {
+        let columns = segment.drivers.len();
+        let mut counts = [0.0; limits::DRIVERS];
+        for (counts, &of) in counts.iter_mut().zip(&self.first[..columns]) {
+            *counts = if of == first { 1.0 / 65535.0 } else { 0.0 };
+        }
+        let masks = &segment.masks[rows.start * columns..rows.end * columns];
+        let vertices = sums_m.as_chunks_mut::<3>().0.iter_mut().zip(moves_m.as_chunks::<3>().0);
+        for ((sum_m, move_m), row) in vertices.zip(masks.chunks_exact(columns)) {
+            let mask: f32 = row.iter().zip(&counts).map(|(&mask, counts)| f32::from(mask) * counts).sum();
+            for (sum, by) in sum_m.iter_mut().zip(move_m) {
+                *sum += mask * by;
+            }
+        }
+    }
+}
+
+/// A target's deltas of some vertices, with metres per unit for each of `D` sums.
+#[derive(Clone, Copy)]
+struct Term<'a, const D: usize> {
+    deltas: &'a [i16],
+    rates_m: [f32; D],
+}
+
+/// Hands out the active targets of a segment four at a time, so that the sums are loaded and stored once for the four;
+/// what is missing to four counts 0.
+#[inline(always)]
+fn in_fours<const D: usize>(
+    data: &GarmentData,
+    pieces: &[Piece],
+    rows: &Range<usize>,
+    rates: [&[f32]; D],
+    mut add: impl FnMut(&[Term<D>; 4]),
+) {
+    let mut active = pieces.iter().filter_map(|piece| {
+        let target = &data.targets[usize::from(piece.target)];
+        let rates_m = rates.map(|rates| rates[usize::from(piece.target)] * target.step_m);
+        let start = piece.start as usize;
+        let deltas = target.deltas[start + rows.start..start + rows.end].as_flattened();
+        (rates_m != [0.0; D]).then_some(Term { deltas, rates_m })
+    });
+    while let Some(first) = active.next() {
+        let none = Term { rates_m: [0.0; D], ..first };
+        let mut next = || active.next().unwrap_or(none);
+        add(&[first, next(), next(), next()]);
+    }
+}
+
+#[inline(always)]
+fn add_to_one([a, b, c, d]: &[Term<1>; 4], sums_m: &mut [f32; FLOATS]) {
+    let [[by_a], [by_b], [by_c], [by_d]] = [a.rates_m, b.rates_m, c.rates_m, d.rates_m];
+    let deltas = a.deltas.iter().zip(b.deltas).zip(c.deltas.iter().zip(d.deltas));
+    for (sum_m, ((&a, &b), (&c, &d))) in sums_m.iter_mut().zip(deltas) {
+        let [a, b, c, d] = [f32::from(a), f32::from(b), f32::from(c), f32::from(d)];
+        *sum_m += (by_a * a + by_b * b) + (by_c * c + by_d * d);
+    }
+}
+
+#[inline(always)]
+fn add_to_two([a, b, c, d]: &[Term<2>; 4], first_m: &mut [f32; FLOATS], second_m: &mut [f32; FLOATS]) {
+    let [by_a, by_b, by_c, by_d] = [a.rates_m, b.rates_m, c.rates_m, d.rates_m];
+    let deltas = a.deltas.iter().zip(b.deltas).zip(c.deltas.iter().zip(d.deltas));
+    for ((first_m, second_m), ((&a, &b), (&c, &d))) in first_m.iter_mut().zip(second_m).zip(deltas) {
+        let [a, b, c, d] = [f32::from(a), f32::from(b), f32::from(c), f32::from(d)];
+        *first_m += (by_a[0] * a + by_b[0] * b) + (by_c[0] * c + by_d[0] * d);
+        *second_m += (by_a[1] * a + by_b[1] * b) + (by_c[1] * c + by_d[1] * d);
+    }
 }
 
 /// Step 2: linear blend skinning of the blended cloth by a sanitised pose whose arms are untwisted
@@ -240,31 +355,54 @@ fn add_four<const D: usize>(sums_m: &mut Four, masks: &[Vec4; D], rates_m: &[Vec
 /// When `positions_m` is shorter than the unique vertices, or `scratch` was made for a garment of another shape.
 pub fn skin(garment: &Garment, pose: &Pose, scratch: &mut Scratch, positions_m: &mut [Vec3]) {
     let data = garment.data();
-    data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut scratch.posed_from_rest);
-    let positions_m = &mut positions_m[..data.skin.len()];
-    let vertices = scratch.blended_m.chunks_exact(3).zip(&data.skin).zip(&mut scratch.corners).zip(positions_m);
-    for (((blended_m, weights), corner), position_m) in vertices {
-        let blended_m = Vec3A::new(blended_m[0], blended_m[1], blended_m[2]);
-        let posed = blended_transform(&scratch.posed_from_rest, weights).transform_point3a(blended_m);
-        *corner = Corner { position_m: posed, normal: Vec3A::ZERO };
-        *position_m = posed.into();
-    }
+    let Scratch { posed_from_rest, blended_m, corners, .. } = scratch;
+    data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), posed_from_rest);
+    Arch::new().dispatch(Skin { skin: &garment.plan().skin, posed_from_rest, blended_m, corners, positions_m });
 }
 
-/// The weighted mean of a vertex's joint transforms.
-fn blended_transform(posed_from_rest: &[Affine3A], weights: &SkinWeights) -> Affine3A {
-    let mut sum = Affine3A::ZERO;
-    for (&joint, &weight) in weights.joints.iter().zip(&weights.weights) {
-        if weight != 0 {
-            let transform = &posed_from_rest[usize::from(joint)];
-            let weight = f32::from(weight) * (1.0 / 65535.0);
-            sum.matrix3.x_axis += weight * transform.matrix3.x_axis;
-            sum.matrix3.y_axis += weight * transform.matrix3.y_axis;
-            sum.matrix3.z_axis += weight * transform.matrix3.z_axis;
-            sum.translation += weight * transform.translation;
+struct Skin<'a> {
+    skin: &'a BlockedSkin,
+    posed_from_rest: &'a [Affine3A],
+    blended_m: &'a [f32],
+    corners: &'a mut [Corner],
+    positions_m: &'a mut [Vec3],
+}
+
+impl WithSimd for Skin<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Skin { skin, posed_from_rest, blended_m, corners, positions_m } = self;
+        let positions_m = &mut positions_m[..corners.len()];
+        let mut joints = skin.joints.iter().zip(&skin.weights);
+        let blocks = blended_m.chunks(3 * LANES).zip(corners.chunks_mut(LANES)).zip(positions_m.chunks_mut(LANES));
+        for (((blended_m, corners), positions_m), &count) in blocks.zip(&skin.counts) {
+            let mut rest_m = [[0.0; LANES]; 3];
+            let [x, y, z] = &mut rest_m;
+            for (((x, y), z), blended_m) in x.iter_mut().zip(y).zip(z).zip(blended_m.as_chunks::<3>().0) {
+                [*x, *y, *z] = *blended_m;
+            }
+            let [x, y, z] = rest_m;
+            let mut posed_m = [[0.0; LANES]; 3];
+            for (&joint, weights) in joints.by_ref().take(usize::from(count)) {
+                let Affine3A { matrix3, translation } = &posed_from_rest[usize::from(joint)];
+                let (a, b, c) = (matrix3.x_axis, matrix3.y_axis, matrix3.z_axis);
+                for (axis, posed_m) in posed_m.iter_mut().enumerate() {
+                    let [a, b, c, d] = [a[axis], b[axis], c[axis], translation[axis]];
+                    for i in 0..LANES {
+                        let weight = f32::from(weights[i]) * (1.0 / 65535.0);
+                        posed_m[i] += weight * (a * x[i] + b * y[i] + (c * z[i] + d));
+                    }
+                }
+            }
+            let [x, y, z] = posed_m;
+            for (i, (corner, position_m)) in corners.iter_mut().zip(positions_m).enumerate() {
+                *corner = Corner { position_m: Vec3A::new(x[i], y[i], z[i]), normal: Vec3A::ZERO };
+                *position_m = Vec3::new(x[i], y[i], z[i]);
+            }
         }
     }
-    sum
 }
 
 /// Step 3: normals of the unique vertices: the mean of their triangles' normals weighted by area, across seams. Where
@@ -275,17 +413,33 @@ fn blended_transform(posed_from_rest: &[Affine3A], weights: &SkinWeights) -> Aff
 pub fn normals(garment: &Garment, scratch: &mut Scratch, normals: &mut [Vec3]) {
     let corners = scratch.corners.as_mut_slice();
     let normals = &mut normals[..corners.len()];
-    for &[a, b, c] in &garment.plan().triangles {
-        let [a, b, c] = [a as usize, b as usize, c as usize];
-        let origin = corners[a].position_m;
-        let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
-        corners[a].normal += doubled_area;
-        corners[b].normal += doubled_area;
-        corners[c].normal += doubled_area;
-    }
-    for (corner, normal) in corners.iter().zip(normals) {
-        let length = corner.normal.length();
-        *normal = if length > 0.0 && length < f32::INFINITY { (corner.normal / length).into() } else { Vec3::Y };
+    Arch::new().dispatch(Normals { triangles: &garment.plan().triangles, corners, normals });
+}
+
+struct Normals<'a> {
+    triangles: &'a [[u32; 3]],
+    corners: &'a mut [Corner],
+    normals: &'a mut [Vec3],
+}
+
+impl WithSimd for Normals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Normals { triangles, corners, normals } = self;
+        for &[a, b, c] in triangles {
+            let [a, b, c] = [a as usize, b as usize, c as usize];
+            let origin = corners[a].position_m;
+            let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
+            corners[a].normal += doubled_area;
+            corners[b].normal += doubled_area;
+            corners[c].normal += doubled_area;
+        }
+        for (corner, normal) in corners.iter().zip(normals) {
+            let length = corner.normal.length();
+            *normal = if length > 0.0 && length < f32::INFINITY { (corner.normal / length).into() } else { Vec3::Y };
+        }
     }
 }
 
