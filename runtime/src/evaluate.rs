@@ -1,6 +1,10 @@
 //! The frame: rates, masked blend in the base's unposed space, linear blend skinning, normals, seam twins (P0, step 3).
 //! Each step is a function of its own, so that it can be measured. Knows no bytes of a pack, allocates nothing and
 //! cannot fail.
+//!
+//! Blending and skinning are compiled for several sets of vector instructions, of which the widest that the machine
+//! knows is chosen at run time. All of them give the same bits: sums are never reordered, and no multiplication is
+//! fused with an addition.
 
 use crate::garment::{Garment, GarmentData, Segment, SkinWeights, limits};
 use crate::pose_blend::{self, Rates};
@@ -58,7 +62,8 @@ struct Piece {
     start: u32,
 }
 
-/// Vertices blended at a time: their sums stay in the first-level cache while target after target is added.
+/// Vertices blended at a time: their sums stay in the first-level cache while target after target is added, and the
+/// runs of deltas are long enough to be fetched ahead.
 const BLOCK: usize = 512;
 const FLOATS: usize = 3 * BLOCK;
 
@@ -94,6 +99,10 @@ impl BlockedSkin {
         }
         blocked
     }
+
+    fn bytes(&self) -> usize {
+        self.counts.len() + self.joints.len() + size_of_val(self.weights.as_slice())
+    }
 }
 
 impl Plan {
@@ -117,28 +126,19 @@ impl Plan {
             Some(twin) => data.mesh.twin_of[twin],
             None => vertex,
         };
-        let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
         let is_whole = data.segments.iter().map(|segment| {
             let mut rows = segment.masks.chunks_exact(segment.drivers.len().max(1));
             rows.all(|row| row.iter().map(|&mask| u32::from(mask)).sum::<u32>() == u32::from(u16::MAX))
         });
         let (is_whole, skin) = (is_whole.collect(), BlockedSkin::new(&data.skin));
-        Plan { of_segment, pieces: by_segment.concat(), is_whole, skin, triangles: interleaved(triangles) }
+        Plan { of_segment, pieces: by_segment.concat(), is_whole, skin, triangles }
     }
 
     fn pieces(&self, segment: usize) -> &[Piece] {
         &self.pieces[self.of_segment[segment] as usize..self.of_segment[segment + 1] as usize]
     }
 }
-
-/// The same triangles from several places of the list in turn. Neighbours in the list share vertices, and adding to a
-/// normal has to wait for the addition before.
-fn interleaved(triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
-    let stride = triangles.len().div_ceil(STREAMS);
-    (0..stride).flat_map(|first| triangles.iter().skip(first).step_by(stride).copied()).collect()
-}
-
-const STREAMS: usize = 1;
 
 impl Scratch {
     /// Working memory for this garment, or any other with as many vertices, joints, drivers and targets.
@@ -357,6 +357,7 @@ pub fn skin(garment: &Garment, pose: &Pose, scratch: &mut Scratch, positions_m: 
     let data = garment.data();
     let Scratch { posed_from_rest, blended_m, corners, .. } = scratch;
     data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), posed_from_rest);
+    assert_eq!(corners.len(), garment.unique_count(), "scratch of another garment");
     Arch::new().dispatch(Skin { skin: &garment.plan().skin, posed_from_rest, blended_m, corners, positions_m });
 }
 
@@ -413,33 +414,17 @@ impl WithSimd for Skin<'_> {
 pub fn normals(garment: &Garment, scratch: &mut Scratch, normals: &mut [Vec3]) {
     let corners = scratch.corners.as_mut_slice();
     let normals = &mut normals[..corners.len()];
-    Arch::new().dispatch(Normals { triangles: &garment.plan().triangles, corners, normals });
-}
-
-struct Normals<'a> {
-    triangles: &'a [[u32; 3]],
-    corners: &'a mut [Corner],
-    normals: &'a mut [Vec3],
-}
-
-impl WithSimd for Normals<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Normals { triangles, corners, normals } = self;
-        for &[a, b, c] in triangles {
-            let [a, b, c] = [a as usize, b as usize, c as usize];
-            let origin = corners[a].position_m;
-            let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
-            corners[a].normal += doubled_area;
-            corners[b].normal += doubled_area;
-            corners[c].normal += doubled_area;
-        }
-        for (corner, normal) in corners.iter().zip(normals) {
-            let length = corner.normal.length();
-            *normal = if length > 0.0 && length < f32::INFINITY { (corner.normal / length).into() } else { Vec3::Y };
-        }
+    for &[a, b, c] in &garment.plan().triangles {
+        let [a, b, c] = [a as usize, b as usize, c as usize];
+        let origin = corners[a].position_m;
+        let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
+        corners[a].normal += doubled_area;
+        corners[b].normal += doubled_area;
+        corners[c].normal += doubled_area;
+    }
+    for (corner, normal) in corners.iter().zip(normals) {
+        let length = corner.normal.length();
+        *normal = if length > 0.0 && length < f32::INFINITY { (corner.normal / length).into() } else { Vec3::Y };
     }
 }
 
@@ -472,8 +457,46 @@ pub fn bytes_touched(garment: &Garment, rates: &Rates) -> usize {
     });
     let scratch = garment.unique_count() * (size_of::<Vec3>() + size_of::<Corner>());
     let arrays = size_of_val(mesh.positions_m.as_slice())
-        + size_of_val(data.skin.as_slice())
+        + garment.plan().skin.bytes()
         + size_of_val(garment.plan().triangles.as_slice())
         + size_of_val(mesh.twin_of.as_slice());
     blended.sum::<usize>() + arrays + scratch + garment.vertex_count() * 2 * size_of::<Vec3>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Pack;
+    use crate::skeleton::Bone;
+    use glam::Quat;
+    use pulp::Scalar;
+
+    #[test]
+    fn vector_instructions_change_no_bit() {
+        let pack = Pack::open(include_bytes!("../../tests/packs/v1.kitsuke")).unwrap();
+        let garment = pack.garment();
+        let pose = Pose::REST.with(Bone::LeftUpperArm, Quat::from_rotation_z(-0.8));
+        let mut rates = Rates::new(garment);
+        let (drivers, targets) = rates.shape();
+        for (driver, target) in (0..drivers).flat_map(|driver| (0..targets).map(move |target| (driver, target))) {
+            rates.set(driver, target, 0.3 + driver as f32 / 7.0 - target as f32 / 11.0);
+        }
+        let mut scratch = Scratch::new(garment);
+        let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+        blend(garment, &rates, &mut scratch);
+        skin(garment, &pose, &mut scratch, &mut positions_m);
+
+        let mut plain = scratch.clone();
+        let mut plain_m = vec![Vec3::ZERO; garment.vertex_count()];
+        plain.blended_m.fill(0.0);
+        let Scratch { posed_from_rest, blended_m, corners, .. } = &mut plain;
+        Blend { garment, rates: &rates, blended_m }.with_simd(Scalar::new());
+        let skin = &garment.plan().skin;
+        Skin { skin, posed_from_rest, blended_m, corners, positions_m: &mut plain_m }.with_simd(Scalar::new());
+
+        let bits =
+            |positions_m: &[Vec3]| -> Vec<_> { positions_m.iter().map(|p| p.to_array().map(f32::to_bits)).collect() };
+        assert_eq!(bits(&positions_m), bits(&plain_m));
+        assert!(positions_m.iter().any(|position_m| *position_m != Vec3::ZERO));
+    }
 }

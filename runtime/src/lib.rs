@@ -22,6 +22,31 @@
 //! # Ok(()) }
 //! ```
 //!
+//! Many wearers at once: the garment is shared, every thread has a [`Scratch`] of its own.
+//!
+//! ```
+//! # use glam::Vec3;
+//! # use kitsuke::skeleton::Pose;
+//! # use kitsuke::{Frame, Pack, Scratch, evaluate};
+//! # fn main() -> Result<(), kitsuke::OpenError> {
+//! # let pack = Pack::open(include_bytes!("../../tests/packs/v1.kitsuke"))?;
+//! # let garment = pack.garment();
+//! # let poses = vec![Pose::REST; 4];
+//! # let mut wearers = vec![(vec![Vec3::ZERO; garment.vertex_count()], vec![Vec3::ZERO; garment.vertex_count()]); 4];
+//! std::thread::scope(|threads| {
+//!     for (poses, wearers) in poses.chunks(2).zip(wearers.chunks_mut(2)) {
+//!         threads.spawn(move || {
+//!             let mut scratch = Scratch::new(garment);
+//!             for (pose, (positions_m, normals)) in poses.iter().zip(wearers) {
+//!                 evaluate(garment, pose, &mut scratch, Frame { positions_m, normals });
+//!             }
+//!         });
+//!     }
+//! });
+//! # assert!(wearers.iter().all(|wearer| *wearer == wearers[0]));
+//! # Ok(()) }
+//! ```
+//!
 //! The crate opens no file, starts no thread and reads no clock.
 
 pub mod evaluate;

@@ -66,8 +66,14 @@ fn bench(args: &Args) -> Result<(), String> {
     note("frame_normals_us", json!(rounded(frames.median(|frame| frame.normals_us))));
     note("dense_f32_blend_us", json!(rounded(dense_f32_blend_us(garment))));
     note("frame_active_targets_median", json!(frames.median(|frame| frame.active_targets) as u64));
-    note("frame_bytes_touched", json!(frames.median(|frame| frame.bytes_touched) as u64));
-    note("memory_gbps", json!(rounded(memory_gbps())));
+    let (bytes_touched, memory_gbps) = (frames.median(|frame| frame.bytes_touched), memory_gbps());
+    // No frame can be faster than memory delivers what it touches, unless a cache holds it.
+    let bound_us = bytes_touched / (memory_gbps * 1e3);
+    note("frame_bytes_touched", json!(bytes_touched as u64));
+    note("memory_gbps", json!(rounded(memory_gbps)));
+    note("frame_bound_us", json!(rounded(bound_us)));
+    note("frame_bound_ratio", json!(rounded(frames.median(|frame| frame.whole_us) / bound_us)));
+    note("frames_per_s_two_threads", json!(frames_per_s_two_threads(garment, &motion.poses).round()));
     note("vertices", json!(garment.unique_count()));
     note("triangles", json!(garment.triangle_count()));
     note("targets", json!(garment.data().targets.len()));
@@ -142,6 +148,27 @@ fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
         FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, active_targets, bytes_touched }
     });
     Frames(figures.collect())
+}
+
+/// Frames per second of two threads that play the motion each for a wearer of its own.
+fn frames_per_s_two_threads(garment: &Garment, poses: &[Pose]) -> f64 {
+    let play = || {
+        let mut scratch = Scratch::new(garment);
+        let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+        let mut normals = positions_m.clone();
+        for pose in poses {
+            evaluate(garment, pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+        }
+        black_box((&positions_m, &normals));
+    };
+    let both_play = || {
+        std::thread::scope(|threads| {
+            threads.spawn(play);
+            threads.spawn(play);
+        });
+    };
+    let times_us = (0..PASSES).map(|_| microseconds(both_play));
+    2.0 * poses.len() as f64 / (median(times_us.collect()) / 1e6)
 }
 
 /// The plainest way to blend, for comparison: every target dense in single precision, one rate each, no regions.
