@@ -52,7 +52,7 @@ fn without(files: Vec<PathBuf>, folder: &str) -> Vec<PathBuf> {
     files.into_iter().filter(|file| !file.starts_with(&folder)).collect()
 }
 
-/// 1. That `evaluate` does not allocate is tested in `alloc/`, that it cannot fail in the suites `frame` and `pack`.
+/// Invariant 1. That `evaluate` does not allocate is tested in `alloc/`, that it cannot fail in the suites `frame` and `pack`.
 #[test]
 fn the_runtime_opens_no_file_starts_no_thread_and_reads_no_clock() {
     let outside = ["fs", "File", "net", "process", "env", "io", "thread", "rayon", "Instant", "SystemTime"];
@@ -60,7 +60,7 @@ fn the_runtime_opens_no_file_starts_no_thread_and_reads_no_clock() {
     assert_eq!(uses(&rust_files("runtime/src"), &[&outside[..], &said[..]].concat()), [""; 0]);
 }
 
-/// 2.
+/// Invariant 2.
 #[test]
 fn only_source_derives_deserialize_and_reads_foreign_formats() {
     let words = ["Deserialize", "serde", "schemars", "csv", "gltf"];
@@ -68,7 +68,7 @@ fn only_source_derives_deserialize_and_reads_foreign_formats() {
     assert_eq!(uses(&without(files, "pipeline/src/source"), &words), [""; 0]);
 }
 
-/// 3.
+/// Invariant 3.
 #[test]
 fn stages_touch_no_files_no_globals_and_no_terminal() {
     let stages = ["skin", "weights", "laplacian", "deltas", "regions", "kernel", "compress", "verify"];
@@ -80,7 +80,7 @@ fn stages_touch_no_files_no_globals_and_no_terminal() {
     assert_eq!(found.into_iter().filter(is_state).collect::<Vec<_>>(), [""; 0]);
 }
 
-/// 4. That frames are in metres is tested in the suite `look` against the artist's files.
+/// Invariant 4. That frames are in metres is tested in the suite `look` against the artist's files.
 #[test]
 fn the_sample_stands_upright_in_metres_with_its_left_at_plus_x() {
     let garment = source::load(&repository().join("assets-src/komon")).garment.expect("the sample is sound");
@@ -91,7 +91,7 @@ fn the_sample_stands_upright_in_metres_with_its_left_at_plus_x() {
     assert!(garment.drivers.iter().all(|driver| (0.0..=std::f32::consts::PI).contains(&driver.threshold_rad)));
 }
 
-/// 5. That packs of every version open is tested in the suite `pack`.
+/// Invariant 5. That packs of every version open is tested in the suite `pack`.
 #[test]
 fn section_tags_stand_in_the_layout_alone() {
     let layout = repository().join("runtime/src/pack/layout.rs");
@@ -106,7 +106,7 @@ fn section_tags_stand_in_the_layout_alone() {
     }
 }
 
-/// 6. That bytes are the same on any threads in any folder is tested in the suite `build`; clippy forbids hash maps,
+/// Invariant 6. That bytes are the same on any threads in any folder is tested in the suite `build`; clippy forbids hash maps,
 /// clocks and the sines of the standard library.
 #[test]
 fn nothing_that_feeds_a_pack_chooses_its_instructions_by_processor() {
@@ -114,7 +114,7 @@ fn nothing_that_feeds_a_pack_chooses_its_instructions_by_processor() {
     assert_eq!(uses(&[rust_files("runtime/src"), rust_files("pipeline/src")].concat(), &words), [""; 0]);
 }
 
-/// 8.
+/// Invariant 8.
 #[test]
 fn unsafe_stands_in_the_counting_allocator_alone() {
     let folders = ["runtime", "pipeline", "xtask"].map(rust_files).concat();
@@ -129,7 +129,7 @@ fn unsafe_stands_in_the_counting_allocator_alone() {
     }
 }
 
-/// 9.
+/// Invariant 9.
 #[test]
 fn every_intermediate_can_be_written_out() {
     let folder = tempfile::tempdir().unwrap();

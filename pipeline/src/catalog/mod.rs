@@ -68,7 +68,7 @@ pub enum Outcome {
     /// Nothing had changed.
     UpToDate,
     /// It was built; this is its entry of the index.
-    Built(Entry),
+    Built(Box<Entry>),
     /// It was not; the diagnostics say why.
     Failed,
 }
@@ -164,7 +164,7 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
     }
     for (garment, _) in &results {
         if let Outcome::Built(entry) = &garment.outcome {
-            new.insert(garment.id.clone(), entry.clone());
+            new.insert(garment.id.clone(), Entry::clone(entry));
         }
     }
     let mut changes = index::differences(&old, &new);
@@ -301,7 +301,7 @@ impl Job<'_> {
                         },
                         bytes: built.pack,
                     });
-                    report.outcome = Outcome::Built(entry);
+                    report.outcome = Outcome::Built(Box::new(entry));
                 }
                 Err(error) => report.diagnostics.push(
                     Diagnostic::error("stage", format!("{id}/garment.toml"), Place::File)
