@@ -558,7 +558,7 @@ mod tests {
     #[test]
     fn the_sample_is_clean() {
         let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon");
-        let loaded = crate::source::load(std::path::Path::new(sample));
+        let loaded = crate::load(std::path::Path::new(sample));
         assert_eq!(loaded.diagnostics, []);
         let garment = loaded.garment.unwrap();
         assert_eq!(garment.base.positions_m.len(), 13_924);

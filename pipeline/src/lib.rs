@@ -1,4 +1,4 @@
-//! Builds kimono packs: Source → Ir → Pack. [`build_garment`] is the table of contents; one file per stage.
+//! Builds kimono packs: Source → Ir → Pack. [`load`] and [`build_garment`] are the table of contents; one file per stage.
 //!
 //! A stage is a plain function from what it needs to what it makes: no files, no globals, no prints. Only `source`
 //! knows the artist's file formats, only `catalog` writes packs.
@@ -26,10 +26,36 @@ pub mod texture;
 pub mod verify;
 mod weights;
 
+use diagnostic::{Diagnostic, Severity};
 use glam::Vec3;
 use kitsuke::garment::{Garment, SkinWeights};
 use memo::{Key, Memo, Origin};
 use rayon::prelude::*;
+use source::InputFile;
+use std::path::Path;
+
+/// What a garment folder gave.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The checked garment; `None` when there is an error.
+    pub garment: Option<ir::Garment>,
+    /// Errors and warnings, sorted.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Every file that was read, by path.
+    pub inputs: Vec<InputFile>,
+}
+
+/// Reads and checks a garment folder: all mistakes in one run.
+#[must_use]
+pub fn load(garment_dir: &Path) -> Loaded {
+    let mut report = Vec::new();
+    let (source, inputs) = source::read(garment_dir, &mut report);
+    let garment = source.and_then(|source| check::check(source, &mut report));
+    let diagnostics = diagnostic::sorted(report);
+    let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
+    assert_eq!(garment.is_some(), is_sound, "a garment is refused exactly when the reason is reported");
+    Loaded { garment, diagnostics, inputs }
+}
 
 /// Why a garment could not be built although its source passed every check.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

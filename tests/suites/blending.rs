@@ -10,13 +10,13 @@ use kitsuke_pipeline::frames::{Blend, Distance, Stage, in_source_order, own_pose
 use kitsuke_pipeline::leave_one_out::{Error, Method, errors};
 use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::pose_space::poses;
-use kitsuke_pipeline::{build_garment, ir, source};
+use kitsuke_pipeline::{build_garment, ir};
 use std::path::Path;
 use std::sync::LazyLock;
 
 static KOMON: LazyLock<(ir::Garment, Garment)> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
-    let source = source::load(&folder).garment.expect("the sample has no mistakes");
+    let source = kitsuke_pipeline::load(&folder).garment.expect("the sample has no mistakes");
     let cache = tempfile::tempdir().unwrap();
     let built = build_garment(&source, &Memo::new(cache.path()), &|_| {}).unwrap();
     (source, built.garment)

@@ -4,7 +4,7 @@ use kitsuke::skeleton::Bone;
 use kitsuke_pipeline::catalog::index::{self, Entry};
 use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Report, Silent};
 use kitsuke_pipeline::memo::{Memo, Origin};
-use kitsuke_pipeline::{Built, build_garment, ir, source};
+use kitsuke_pipeline::{Built, build_garment, ir};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -263,7 +263,7 @@ fn garments_come_and_go_and_fail_one_by_one() {
 }
 
 fn built_sample(place: &Place) -> (ir::Garment, Built) {
-    let loaded = source::load(&place.assets().join("komon"));
+    let loaded = kitsuke_pipeline::load(&place.assets().join("komon"));
     let garment = loaded.garment.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
     let built = build_garment(&garment, &Memo::new(&place.cache()), &|_| {}).unwrap();
     (garment, built)

@@ -3,7 +3,6 @@
 
 use kitsuke::skeleton::Bone;
 use kitsuke_pipeline::catalog::{self, Mode, Options, Silent};
-use kitsuke_pipeline::source;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -83,7 +82,7 @@ fn stages_touch_no_files_no_globals_and_no_terminal() {
 /// Invariant 4. That frames are in metres is tested in the suite `look` against the artist's files.
 #[test]
 fn the_sample_stands_upright_in_metres_with_its_left_at_plus_x() {
-    let garment = source::load(&repository().join("assets-src/komon")).garment.expect("the sample is sound");
+    let garment = kitsuke_pipeline::load(&repository().join("assets-src/komon")).garment.expect("the sample is sound");
     let at = |bone| garment.body.skeleton.joints()[garment.body.skeleton.index_of(bone).unwrap()].rest_m;
     assert!((0.5..1.5).contains(&at(Bone::Hips).y), "{:?}", at(Bone::Hips));
     assert!(at(Bone::Head).y > at(Bone::Hips).y + 0.3);
@@ -148,7 +147,7 @@ fn every_intermediate_can_be_written_out() {
     for kind in ["skin_", "region_", "delta_", "unposed_"] {
         assert!(names.iter().any(|name| name.starts_with(kind)), "no {kind} among {names:?}");
     }
-    let garment = source::load(&repository().join("tests/garments/tube")).garment.unwrap();
+    let garment = kitsuke_pipeline::load(&repository().join("tests/garments/tube")).garment.unwrap();
     assert_eq!(names.iter().filter(|name| name.starts_with("region_")).count(), garment.drivers.len());
     assert_eq!(names.iter().filter(|name| name.starts_with("delta_")).count(), garment.targets.len());
 }

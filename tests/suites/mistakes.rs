@@ -32,7 +32,7 @@ impl Workplace {
     }
 
     fn messages(&self, format: Format) -> String {
-        let loaded = source::load(&self.garment());
+        let loaded = kitsuke_pipeline::load(&self.garment());
         let messages = diagnostic::render(&loaded.diagnostics, self.assets.path(), format);
         messages.replace(&*self.assets.path().to_string_lossy(), "ASSETS")
     }
@@ -208,7 +208,7 @@ fn check(path: &Path) -> Result<(), String> {
     snapshots().bind(|| insta::assert_snapshot!(&*name, messages));
     let code =
         recipe.lines().next().and_then(|line| line.strip_prefix("# code: ")).expect("the first line is the code");
-    let diagnostics = source::load(&place.garment()).diagnostics;
+    let diagnostics = kitsuke_pipeline::load(&place.garment()).diagnostics;
     let is_complete = |d: &diagnostic::Diagnostic| !d.problem.is_empty() && !d.help.is_empty();
     if !diagnostics.iter().any(|d| d.code == code) || !diagnostics.iter().all(is_complete) {
         return Err(format!("{name}: no `{code}`, or an empty message, among\n{messages}"));
@@ -227,7 +227,7 @@ fn snapshots() -> insta::Settings {
 #[test]
 fn the_small_garment_is_sound() {
     let place = Workplace::new();
-    let loaded = source::load(&place.garment());
+    let loaded = kitsuke_pipeline::load(&place.garment());
     assert_eq!(loaded.diagnostics, []);
     let mut inputs = source::input_files(&place.garment()).unwrap();
     inputs.sort();
@@ -242,7 +242,8 @@ fn the_template_with_a_base_alone_lacks_only_targets() {
     copy_folder(&sources.join("_template"), &assets.path().join("mine"));
     copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
     fs::copy(sources.join("komon/base.obj"), assets.path().join("mine/base.obj")).unwrap();
-    let codes: Vec<&str> = source::load(&assets.path().join("mine")).diagnostics.iter().map(|d| d.code).collect();
+    let codes: Vec<&str> =
+        kitsuke_pipeline::load(&assets.path().join("mine")).diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(codes, ["no-targets"]);
 }
 
@@ -276,10 +277,10 @@ fn exchanged_vertices_of_the_sample_are_found_and_creases_are_not() {
     copy_folder(&sources.join("komon"), &assets.path().join("komon"));
     copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
     let mut place = Workplace { assets, id: "komon".to_owned() };
-    assert_eq!(source::load(&place.garment()).diagnostics, []);
+    assert_eq!(kitsuke_pipeline::load(&place.garment()).diagnostics, []);
     step(&mut place, "exchange | poses/05_right_down.obj | 5001 | 5002");
     step(&mut place, "exchange | poses/18_right_up_bent_left_down.obj | 301 | 9001");
-    let diagnostics = source::load(&place.garment()).diagnostics;
+    let diagnostics = kitsuke_pipeline::load(&place.garment()).diagnostics;
     let said: Vec<(&str, &str)> = diagnostics.iter().map(|d| (d.code, d.problem.as_str())).collect();
     let expected = |pair: &str| format!("vertices {pair} are exchanged, compared with komon/base.obj");
     let (first, second) = (expected("5001 and 5002"), expected("301 and 9001"));

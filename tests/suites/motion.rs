@@ -337,7 +337,7 @@ proptest! {
 fn the_motion_of_the_bench_keeps_eight_targets_active() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src");
     let bytes = std::fs::read(assets.join("motions/two_arms.bvh")).unwrap();
-    let source = kitsuke_pipeline::source::load(&assets.join("komon")).garment.unwrap();
+    let source = kitsuke_pipeline::load(&assets.join("komon")).garment.unwrap();
     let motion = bvh::read(&bytes, &source.body.skeleton).unwrap();
     assert_eq!((motion.reference, motion.unmapped.as_slice()), (Reference::Offsets, [].as_slice()));
     assert!((8.0..10.0).contains(&(motion.frame_time_s * motion.poses.len() as f64)));

@@ -3,7 +3,6 @@
 use crate::places::in_workspace;
 use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
-use kitsuke_pipeline::source;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -57,7 +56,7 @@ pub fn run(args: Args) -> ExitCode {
     };
     let mut is_sound = true;
     for id in ids {
-        let loaded = source::load(&args.assets.join(&id));
+        let loaded = kitsuke_pipeline::load(&args.assets.join(&id));
         print!("{}", diagnostic::render(&loaded.diagnostics, &args.assets, args.message_format.format()));
         let summary = diagnostic::summary(&loaded.diagnostics, &id);
         match args.message_format {

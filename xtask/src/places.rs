@@ -2,7 +2,7 @@
 
 use kitsuke::Pack;
 use kitsuke_pipeline::catalog::CatalogError;
-use kitsuke_pipeline::{catalog, ir, source};
+use kitsuke_pipeline::{catalog, ir};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +55,7 @@ impl Places {
             eprintln!("note: {} does not exist, so texture, wearer and target files are left out", dir.display());
             return None;
         }
-        let garment = source::load(&dir).garment;
+        let garment = kitsuke_pipeline::load(&dir).garment;
         if garment.is_none() {
             eprintln!(
                 "note: {} has mistakes (cargo xtask check {id}), so texture, wearer and target files are left out",

@@ -274,7 +274,7 @@ impl Job<'_> {
             }
         }
         self.progress.started(id);
-        let loaded = source::load(&folder);
+        let loaded = crate::load(&folder);
         report.diagnostics = loaded.diagnostics;
         let mut pack = None;
         if let Some(garment) = loaded.garment {

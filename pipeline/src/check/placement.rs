@@ -221,7 +221,7 @@ mod tests {
     /// The sample, whose mistakes `change` makes, must be refused with `code`.
     fn check_sample(change: impl FnOnce(&mut ir::Surface), code: Option<&str>) {
         let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon");
-        let mut garment = crate::source::load(std::path::Path::new(sample)).garment.unwrap();
+        let mut garment = crate::load(std::path::Path::new(sample)).garment.unwrap();
         change(&mut garment.base);
         let mut report = Vec::new();
         let mesh = NamedMesh { file: "komon/base.obj", mesh: &obj::Mesh::default() };

@@ -1,5 +1,5 @@
-//! Reads an artist's folder: the only place that knows file formats and derives `Deserialize`. `load` reads and checks
-//! everything; `input_files` only finds out which bytes a garment depends on.
+//! Reads an artist's folder: the only place that knows file formats and derives `Deserialize`. `read` reads
+//! everything; `input_files` only finds out which bytes a garment depends on. Knows no check of one file against another.
 
 pub mod body;
 pub mod folder;
@@ -11,7 +11,7 @@ pub mod tables;
 pub mod units;
 
 use crate::diagnostic::{self, Diagnostic, Place, Severity};
-use crate::{check, ir};
+use crate::ir;
 use folder::Folder;
 pub use folder::InputFile;
 use manifest::{Field, Manifest};
@@ -19,17 +19,6 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 use tables::PoseTable;
-
-/// What a garment folder gave.
-#[derive(Debug)]
-pub struct Loaded {
-    /// The checked garment; `None` when there is an error.
-    pub garment: Option<ir::Garment>,
-    /// Errors and warnings, sorted.
-    pub diagnostics: Vec<Diagnostic>,
-    /// Every file that was read, by path.
-    pub inputs: Vec<InputFile>,
-}
 
 /// A garment's files as they were read, unchecked against each other. What could not be read has been reported and is
 /// absent.
@@ -70,18 +59,6 @@ struct Reference {
     role: Role,
     cited_in: String,
     place: Place,
-}
-
-/// Reads and checks a garment folder: all mistakes in one run.
-#[must_use]
-pub fn load(garment_dir: &Path) -> Loaded {
-    let mut report = Vec::new();
-    let (source, inputs) = read(garment_dir, &mut report);
-    let garment = source.and_then(|source| check::check(source, &mut report));
-    let diagnostics = diagnostic::sorted(report);
-    let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
-    assert_eq!(garment.is_some(), is_sound, "a garment is refused exactly when the reason is reported");
-    Loaded { garment, diagnostics, inputs }
 }
 
 /// Hashes every file that the garment uses, reading only manifest and pose table.
@@ -290,7 +267,10 @@ enum Decoded {
     Texture(Option<Vec<u8>>),
 }
 
-fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Vec<InputFile>) {
+/// Reads the manifest and everything that it names. What is wrong with single files goes into the report; nothing is
+/// returned where there is no manifest to go by.
+#[must_use]
+pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Vec<InputFile>) {
     let Some((folder, head)) = read_head(garment_dir, report) else { return (None, Vec::new()) };
     let files = read_files(&folder, &head.references, report, |reference, bytes| {
         let (name, mut report) = (reference.name.as_str(), Vec::new());
