@@ -33,7 +33,15 @@ pub fn run(args: Args) -> ExitCode {
     match make(&args) {
         Ok(folder) => {
             println!("{} is ready.", folder.display());
-            println!("1. Write each target's joint rotations into poses.csv; they are those of the T-pose still.");
+            match args.from.len() {
+                0 => println!("1. Put base.obj and the targets into it, a row for each into poses.csv."),
+                1 => println!(
+                    "1. Put the targets into poses/, and a row for each into poses.csv: file, name, joint rotations."
+                ),
+                _ => println!(
+                    "1. Write each target's joint rotations into poses.csv; they are those of the T-pose still."
+                ),
+            }
             println!("2. Look over unit, up and body in garment.toml.");
             println!("3. cargo xtask check {} --assets {}", args.id, args.into.display());
             ExitCode::SUCCESS
