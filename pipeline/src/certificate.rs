@@ -7,6 +7,7 @@ use crate::leave_one_out::{Error, Method, errors};
 use crate::pose_space::poses;
 use glam::{Quat, Vec3};
 use kitsuke::garment::{Certificate, LeftOut, NearestPair, PoseTable};
+use kitsuke::pose_blend::angle_between_rad;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Scratch, evaluate};
 use rayon::prelude::*;
@@ -191,19 +192,19 @@ fn between(from: &Pose, to: &Pose, share: f32) -> Pose {
 }
 
 fn farthest_turn_rad(table: &PoseTable, a: &Pose, b: &Pose) -> f32 {
-    table.bones.iter().map(|&bone| angle_rad(a.rotation(bone), b.rotation(bone))).fold(0.0, f32::max)
-}
-
-fn angle_rad(a: Quat, b: Quat) -> f32 {
-    let between = a.conjugate() * b;
-    2.0 * libm::atan2f(between.xyz().length(), between.w.abs())
+    table.bones.iter().map(|&bone| angle_between_rad(a.rotation(bone), b.rotation(bone))).fold(0.0, f32::max)
 }
 
 /// Rows by distance from the pose: the root of the summed squared angles.
 fn nearest_rows(table: &PoseTable, pose: &Pose) -> [usize; 2] {
-    let rows = table.rotations.len() / table.bones.len().max(1);
+    let rows = table.rows();
     let distance = |row: usize| -> f32 {
-        table.bones.iter().zip(table.row(row)).map(|(&bone, &q)| angle_rad(pose.rotation(bone), q).powi(2)).sum()
+        table
+            .bones
+            .iter()
+            .zip(table.row(row))
+            .map(|(&bone, &q)| angle_between_rad(pose.rotation(bone), q).powi(2))
+            .sum()
     };
     let mut order: Vec<(f32, usize)> = (0..rows).map(|row| (distance(row), row)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -212,10 +213,10 @@ fn nearest_rows(table: &PoseTable, pose: &Pose) -> [usize; 2] {
 
 /// The two rows of the table that are hardest to tell apart.
 fn nearest_pair(table: &PoseTable) -> NearestPair {
-    let rows = table.rotations.len() / table.bones.len().max(1);
+    let rows = table.rows();
     let pairs = (0..rows).flat_map(|b| (0..b).map(move |a| (a, b)));
     let apart = |(a, b): (usize, usize)| {
-        let squares = table.row(a).iter().zip(table.row(b)).map(|(&a, &b)| angle_rad(a, b).powi(2));
+        let squares = table.row(a).iter().zip(table.row(b)).map(|(&a, &b)| angle_between_rad(a, b).powi(2));
         NearestPair { rows: [a as u16, b as u16], apart_deg: squares.sum::<f32>().sqrt().to_degrees() }
     };
     let nearest = pairs.map(apart).min_by(|a, b| a.apart_deg.total_cmp(&b.apart_deg));

@@ -34,7 +34,7 @@ pub fn own_poses(garment: &Garment) -> Vec<Shot> {
     let names = std::iter::once("base").chain(data.targets.iter().map(|target| target.name.as_str()));
     let shot = |(row, name): (usize, &str)| Shot {
         name: name.to_owned(),
-        pose: data.poses.bones.iter().zip(data.poses.row(row)).fold(Pose::REST, |pose, (&b, &q)| pose.with(b, q)),
+        pose: data.poses.pose(row),
         blend: Blend::Alone(row.checked_sub(1)),
     };
     names.enumerate().map(shot).collect()

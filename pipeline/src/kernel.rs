@@ -10,10 +10,10 @@ use crate::StageError;
 use crate::ir;
 use argmin::core::{CostFunction, Executor, State};
 use argmin::solver::neldermead::NelderMead;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use kitsuke::garment::GarmentData;
 use kitsuke::pose_blend::rbf::{
-    ChainJoint, Group, Rbf, embed, embedding_length, inverse_multiquadric, squared_distance, wendland,
+    ChainJoint, Group, Rbf, embed_samples, embedding_length, inverse_multiquadric, squared_distance, wendland,
 };
 use kitsuke::skeleton::{Bone, Skeleton};
 
@@ -261,8 +261,10 @@ impl Distances {
             .iter()
             .map(|arm| {
                 let chain = chain(arm, scales);
-                let embeddings: Vec<Vec<f64>> = (0..samples).map(|row| embedded_row(data, &chain, row)).collect();
-                Matrix::new(samples, |i, j| squared_distance(&embeddings[i], &embeddings[j]))
+                let length = embedding_length(&chain);
+                let embeddings = embed_samples(&chain, &data.poses);
+                let row = |i: usize| &embeddings[i * length..(i + 1) * length];
+                Matrix::new(samples, |i, j| squared_distance(row(i), row(j)))
             })
             .collect();
         let summed = Matrix::new(samples, |i, j| own.iter().map(|own| own.at(i, j)).sum());
@@ -309,16 +311,6 @@ impl Distances {
         let widest = self.own.iter().flat_map(|own| (0..self.samples).filter_map(move |a| apart(own, a)));
         1.4 * widest.max_by(f64::total_cmp).unwrap_or(1.0).sqrt()
     }
-}
-
-fn embedded_row(data: &GarmentData, chain: &[ChainJoint], row: usize) -> Vec<f64> {
-    let mut embedding = vec![0.0; embedding_length(chain)];
-    let rotation = |bone| match data.poses.bones.iter().position(|&listed| listed == bone) {
-        Some(column) => data.poses.row(row)[column].as_dquat().normalize(),
-        None => DQuat::IDENTITY,
-    };
-    embed(chain, rotation, &mut embedding);
-    embedding
 }
 
 /// Inner products of the samples' deltas over the cloth that an arm owns, m² per vertex of the garment.

@@ -87,7 +87,7 @@ pub fn errors(garment: &Garment, method: Method) -> Result<Vec<Error>, StageErro
 
 fn error_of(garment: &Garment, method: Method, left_out: usize) -> Result<Error, StageError> {
     let data = garment.data();
-    let pose = row_pose(data, left_out + 1);
+    let pose = data.poses.pose(left_out + 1);
     let rest = without(data, left_out)?;
     let mut rates = Rates::new(&rest);
     predict(&rest, method, &pose, &mut rates);
@@ -116,10 +116,6 @@ fn positions(garment: &Garment, pose: &Pose, rates: &Rates) -> Vec<Vec3> {
     positions_m
 }
 
-fn row_pose(data: &GarmentData, row: usize) -> Pose {
-    data.poses.bones.iter().zip(data.poses.row(row)).fold(Pose::REST, |pose, (&bone, &q)| pose.with(bone, q))
-}
-
 /// The garment without one target and its row; the default kernel keeps its scales.
 fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
     let mut rest = data.clone();
@@ -143,7 +139,7 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
             weights.iter().skip(1).enumerate().for_each(|(t, &w)| rates.set(usize::from(driver), t, w as f32));
         }
     };
-    let samples: Vec<Pose> = (0..=data.targets.len()).map(|row| row_pose(data, row)).collect();
+    let samples: Vec<Pose> = (0..=data.targets.len()).map(|row| data.poses.pose(row)).collect();
     let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
     match method {
         Method::Default => pose_blend::rates(garment.kernel(), garment, pose, rates),

@@ -63,7 +63,7 @@ fn pose(table: &PoseTable, number: u64) -> Pose {
 
 /// The rotations of two or three rows, mixed.
 fn between_rows(table: &PoseTable, numbers: &mut Numbers) -> Vec<Quat> {
-    let rows = table.rotations.len() / table.bones.len().max(1);
+    let rows = table.rows();
     let mut mixed = table.row(numbers.below(rows)).to_vec();
     for _ in 0..1 + numbers.below(2) {
         let (other, share) = (numbers.below(rows), numbers.between(0.0, 1.0));

@@ -4,7 +4,7 @@
 use crate::evaluate::Plan;
 use crate::pose_blend::Kernel;
 use crate::pose_blend::rbf::{ChainJoint, Rbf, Samples};
-use crate::skeleton::{Bone, Skeleton};
+use crate::skeleton::{Bone, Pose, Skeleton};
 use glam::{Quat, Vec2, Vec3};
 use std::collections::BTreeSet;
 use std::f32::consts::PI;
@@ -128,6 +128,18 @@ pub struct PoseTable {
 }
 
 impl PoseTable {
+    /// How many rows the table has; a table without bones has none.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rotations.len() / self.bones.len().max(1)
+    }
+
+    /// One row as a pose; joints that the table does not give are at rest.
+    #[must_use]
+    pub fn pose(&self, row: usize) -> Pose {
+        self.bones.iter().zip(self.row(row)).fold(Pose::REST, |pose, (&bone, &rotation)| pose.with(bone, rotation))
+    }
+
     /// The rotations of one row.
     #[must_use]
     pub fn row(&self, row: usize) -> &[Quat] {

@@ -152,7 +152,8 @@ fn pose_difference_rad(table: &PoseTable, row: usize, joints: &[Bone], pose: &Po
 
 /// The angle of the rotation that leads from one rotation to the other, 0 to pi, whatever the quaternions' signs and
 /// lengths. An arc cosine of the dot product would lose half the digits near 0.
-fn angle_between_rad(a: Quat, b: Quat) -> f32 {
+#[must_use]
+pub fn angle_between_rad(a: Quat, b: Quat) -> f32 {
     let between = a.conjugate() * b;
     2.0 * libm::atan2f(between.xyz().length(), between.w.abs())
 }

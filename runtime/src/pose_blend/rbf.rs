@@ -22,7 +22,7 @@
 //! coefficients cancel, and single precision would cost tenths of a millimetre.
 
 use super::Rates;
-use crate::garment::{Garment, GarmentData};
+use crate::garment::{Garment, GarmentData, PoseTable};
 use crate::skeleton::{Bone, Pose};
 use glam::{DQuat, DVec3};
 
@@ -129,16 +129,18 @@ pub(crate) struct Samples {
 impl Samples {
     pub(crate) fn new(data: &GarmentData) -> Samples {
         let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
-        Samples { embeddings: groups.map(|group| embed_samples(&group.chain, data)).collect() }
+        Samples { embeddings: groups.map(|group| embed_samples(&group.chain, &data.poses)).collect() }
     }
 }
 
-fn embed_samples(chain: &[ChainJoint], data: &GarmentData) -> Vec<f64> {
+/// The embeddings of all rows of a pose table, one after the other. Joints that the table does not give are at rest.
+#[must_use]
+pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable) -> Vec<f64> {
     let length = embedding_length(chain);
-    let mut embeddings = vec![0.0; length * (data.targets.len() + 1)];
+    let mut embeddings = vec![0.0; length * poses.rows()];
     for (row, embedding) in embeddings.chunks_exact_mut(length.max(1)).enumerate() {
-        let sample = data.poses.row(row);
-        let rotation = |bone| match data.poses.bones.iter().position(|&listed| listed == bone) {
+        let sample = poses.row(row);
+        let rotation = |bone| match poses.bones.iter().position(|&listed| listed == bone) {
             Some(column) => sample[column].as_dquat().normalize(),
             None => DQuat::IDENTITY,
         };
