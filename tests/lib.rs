@@ -2,15 +2,21 @@
 //! and `alloc/`.
 
 pub mod container;
+pub mod hostile;
+pub mod motions;
 pub mod random;
 
 use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::Garment;
+use kitsuke::clearance::{Guarded, Proxy, Surfel};
+use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
 use kitsuke::garment::{
     Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target,
 };
+use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
+use kitsuke::tailoring::{Check, DimensionRule, Level, Limit, Op, RuleSet, Side};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
 /// Vertices around the small garment's tube.
@@ -73,6 +79,77 @@ pub fn small_garment_data() -> GarmentData {
         },
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
+        proxies: Vec::new(),
+    }
+}
+
+/// Two sizes of [`small_garment`], one wider and one longer, with a path and a rule set that uses every step of programs.
+#[must_use]
+pub fn small_fit() -> FitData {
+    let garment = small_garment();
+    let body = |name: &str, height_m: f32| SizeBody {
+        name: name.to_owned(),
+        measurements: Measurements::default()
+            .with(Measurement::BodyHeight, height_m)
+            .with(Measurement::HipGirth, 0.5 * height_m),
+        joints_m: garment.data().skeleton.joints().iter().map(|joint| joint.rest_m * height_m / 1.6).collect(),
+    };
+    let place = |vertex: i16| (vertex / AROUND as i16, vertex % AROUND as i16);
+    // The first part bears most, the second the rest.
+    let field = |along: i16, around: i16| Field {
+        step_m: 2e-5,
+        deltas: (0..(RINGS * AROUND) as i16)
+            .map(|vertex| [along * place(vertex).0, around * place(vertex).1, around - place(vertex).0])
+            .collect(),
+    };
+    let uv = |scale: f32| garment.data().mesh.uv.iter().map(|uv| (*uv * scale * 1e4).round() / 1e4).collect();
+    let ring = |ring: u32| (0..AROUND as u32).map(|around| ring * AROUND as u32 + around).collect();
+    let binary = [
+        Op::Add,
+        Op::Subtract,
+        Op::Multiply,
+        Op::Divide,
+        Op::Minimum,
+        Op::Maximum,
+        Op::Round,
+        Op::RoundUp,
+        Op::RoundDown,
+        Op::Hypotenuse,
+        Op::Less,
+        Op::LessOrEqual,
+    ];
+    let mut every_step = vec![Op::Constant(0.25), Op::IfKnown(Measurement::BodyHeight)];
+    every_step.extend(binary.into_iter().flat_map(|op| [Op::Dimension(0), op]));
+    every_step.extend([Op::Constant(1.0), Op::Constant(2.0), Op::Select]);
+    let rule = |name: &str, program| DimensionRule { name: name.to_owned(), ja: "袖".to_owned(), program };
+    let limit =
+        |side, level, bound| Limit { side, level, bound: vec![Op::Constant(bound)], text: "広すぎ".to_owned() };
+    FitData {
+        bodies: vec![body("b0", 1.6), body("wide", 1.62), body("long", 1.7)],
+        dimensions: vec![Dimension {
+            name: "sode_guchi_left".to_owned(),
+            ja: "袖口".to_owned(),
+            rule: "sode_guchi".to_owned(),
+            vertices: ring(9),
+            offset_m: 0.01,
+            load: 2.0,
+        }],
+        parts: garment.data().mesh.parts.iter().map(|part| part.name.clone()).collect(),
+        fields: vec![field(0, 40), field(60, 0), field(1, 7), field(5, -1)],
+        uv: vec![uv(1.1), uv(0.9)],
+        rules: vec![RuleSet {
+            name: "small".to_owned(),
+            source: "nobody".to_owned(),
+            dimensions: vec![
+                rule("yuki", vec![Op::Measurement(Measurement::BodyHeight)]),
+                rule("sode_guchi", every_step),
+            ],
+            checks: vec![Check {
+                name: "cloth".to_owned(),
+                value: vec![Op::Dimension(1)],
+                limits: vec![limit(Side::Above, Level::Impossible, 0.4), limit(Side::Below, Level::Warn, 0.1)],
+            }],
+        }],
     }
 }
 
@@ -104,6 +181,30 @@ fn small_certificate() -> Certificate {
         step_change_mm: 0.002,
         left_out: (1..4u8).map(f32::from).map(|i| LeftOut { mean_mm: i, p99_mm: 5.0 * i, max_mm: 9.0 * i }).collect(),
         nearest: NearestPair { rows: [0, 2], apart_deg: 90.0 },
+    }
+}
+
+/// A rod of 5 cm along x from -0.3 to 0.3 that the first joint moves, and the vertices that it keeps out.
+#[must_use]
+pub fn rod(guarded: std::ops::Range<u32>) -> Proxy {
+    const AROUND: usize = 24;
+    const ALONG: usize = 48;
+    let surfel = |number: usize| {
+        let angle_rad = (number % AROUND) as f32 / AROUND as f32 * std::f32::consts::TAU;
+        let normal = Vec3::new(0.0, libm::cosf(angle_rad), libm::sinf(angle_rad));
+        let x = (number / AROUND) as f32 / (ALONG - 1) as f32 * 0.6 - 0.3;
+        Surfel {
+            place_m: Vec3::X * x + normal * 0.05,
+            normal,
+            radius_m: 0.03,
+            share: 0.18,
+            skin: SkinWeights { joints: [0; 4], weights: [u16::MAX, 0, 0, 0] },
+        }
+    };
+    Proxy {
+        name: "rod".to_owned(),
+        surfels: (0..AROUND * ALONG).map(surfel).collect(),
+        guarded: guarded.map(|vertex| Guarded { vertex, side: [0; 3] }).collect(),
     }
 }
 

@@ -133,6 +133,7 @@ pub fn garment(seed: u64) -> Garment {
         },
         rbf: None,
         certificate: None,
+        proxies: Vec::new(),
         drivers,
         segments,
         targets,

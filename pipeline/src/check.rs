@@ -4,6 +4,7 @@
 mod exchange;
 mod mesh;
 mod placement;
+mod size;
 mod target;
 
 use crate::diagnostic::{Diagnostic, Place, Severity};
@@ -16,7 +17,9 @@ use crate::source::obj;
 use crate::source::paths::Paths;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
+use crate::source::{closest, rules};
 use glam::{DVec3, Quat, Vec2, Vec3};
+use kitsuke::fit;
 use kitsuke::garment::limits;
 use kitsuke::skeleton::Bone;
 use std::collections::BTreeMap;
@@ -25,6 +28,8 @@ use std::collections::BTreeMap;
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
 /// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
 const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
+/// How much a path may count in a fit.
+const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Cosine of half a degree: two rotations whose quaternions' product exceeds it are less than one degree apart.
 const COS_HALF_DEGREE: f32 = 0.999_961_9;
 /// A mask below this everywhere is empty.
@@ -40,7 +45,7 @@ struct NamedMesh<'a> {
 /// Turns what was read into a garment, or reports why that cannot be. What was absent in `source` is taken as
 /// reported already.
 pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment> {
-    let Source { folder, manifest, poses, meshes, masks, body, paths, texture_png } = source;
+    let Source { folder, manifest, poses, sizes, meshes, masks, body, paths, rules, texture_png } = source;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     check_id(&folder, report);
     let budget_m = check_budget(&manifest, &manifest_file, report);
@@ -94,10 +99,37 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
             targets.push(ir::TargetShape { name, file, rotations, positions_m });
         }
     }
-    target::check_copies(&folder, &base, &targets, report);
+    let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
+    target::check_copies(&folder, &base, &shapes, "pose", report);
+
+    let mut fitted = None;
+    if let (Some(table), Some(field)) = (&sizes, &manifest.sizes) {
+        let file = field.get().and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
+        let skeleton = body.as_ref().map(|body| &body.skeleton);
+        let named = size::Table { file: &file, table, place: &place };
+        let bodies = size::check_table(&named, &folder, Some(base_mesh.file), skeleton, report);
+        let mut shapes = Vec::new();
+        for row in table.rows.iter().skip(1) {
+            let Some(mesh) = mesh_of(&row.file) else { continue };
+            let positions_m = mesh.mesh.positions.iter().map(place).collect();
+            shapes.extend(size::check_shape(&reference, base_mesh, mesh, &row.file, positions_m, report));
+        }
+        let copies: Vec<(&str, &[Vec3])> = shapes.iter().map(|s| (s.file.as_str(), &s.positions_m[..])).collect();
+        target::check_copies(&folder, &base, &copies, "body", report);
+        if !paths.iter().flat_map(|paths| paths.0.values()).any(|path| path.rule.is_some()) {
+            report.push(
+                Diagnostic::error("no-dimensions", &manifest_file, field.place())
+                    .problem("there are sizes, but no path has a rule, so that nothing could be fitted")
+                    .help("Give the paths of paths.toml the rule that says how long they should be, for example rule = \"sode_take\"."),
+            );
+        }
+        fitted = Some(ir::Sizes { bodies, shapes });
+    }
+    check_rules(&manifest, &manifest_file, report);
     if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return None;
     }
+    let rules = rule_names(&manifest).filter_map(|(_, name)| rules.get(&rules::file(name)).cloned());
     Some(ir::Garment {
         id: folder.id().to_owned(),
         name: value(&manifest.name)?.clone(),
@@ -110,6 +142,8 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         drivers: drivers?,
         regions: regions?,
         paths: paths.into_iter().flat_map(measured_paths).collect(),
+        sizes: fitted,
+        rules: rules.collect(),
         budget_m: budget_m?,
         speed_budget_m: metres(&manifest.speed_budget),
         unseen_budget_m: metres(&manifest.unseen_budget),
@@ -506,6 +540,29 @@ fn check_paths(paths: &Paths, file: &str, base_file: &str, base: &ir::Surface, r
     let edges = mesh::edges(&base.triangles);
     let count = base.positions_m.len();
     for (name, path) in &paths.0 {
+        if let (Some(field), Some(load)) = (&path.load, value(&path.load))
+            && !LOAD.contains(load)
+        {
+            report.push(
+                Diagnostic::error("path-load", file, field.place())
+                    .problem(format!("a load of {load} makes the path {name} count for nothing or for everything"))
+                    .help("Choose 0.001 to 1000; 1 is usual."),
+            );
+        }
+        if let (Some(field), Some(rule)) = (&path.rule, value(&path.rule))
+            && !rules::DIMENSIONS.iter().any(|(known, _)| known == rule)
+        {
+            let problem = match closest(rule, rules::DIMENSIONS.iter().map(|(known, _)| *known)) {
+                Some(similar) => format!("the rule sets have no dimension `{rule}`; did you mean `{similar}`?"),
+                None => format!("the rule sets have no dimension `{rule}`"),
+            };
+            let all: Vec<&str> = rules::DIMENSIONS.iter().map(|(known, _)| *known).collect();
+            report.push(
+                Diagnostic::error("path-rule", file, field.place())
+                    .problem(problem)
+                    .help(format!("The dimensions are {}.", all.join(", "))),
+            );
+        }
         let Some(vertices) = &path.vertices else { continue };
         let known: Vec<(Place, u32)> =
             vertices.iter().filter_map(|field| Some((field.place(), *field.get()?))).collect();
@@ -539,12 +596,52 @@ fn check_paths(paths: &Paths, file: &str, base_file: &str, base: &ir::Surface, r
     }
 }
 
+fn rule_names(manifest: &Manifest) -> impl Iterator<Item = (&Field<String>, &str)> {
+    manifest.rules.iter().flatten().filter_map(|field| Some((field, field.get()?.as_str())))
+}
+
+/// Whether the sizes have rules, each once and no more than a pack holds, and the rules sizes.
+fn check_rules(manifest: &Manifest, manifest_file: &str, report: &mut Vec<Diagnostic>) {
+    let fields = manifest.rules.as_deref().unwrap_or_default();
+    match (&manifest.sizes, fields) {
+        (Some(sizes), []) => report.push(
+            Diagnostic::error("no-rules", manifest_file, sizes.place())
+                .problem("there are sizes, but no rules that say how long a wearer's kimono should be")
+                .help("Name rule sets, the kimono's own first, for example rules = [\"women-a\"]; rules/README.md describes them."),
+        ),
+        (None, [first, ..]) => report.push(
+            Diagnostic::error("no-sizes", manifest_file, first.place())
+                .problem("there are rules, but no sizes that could be fitted by them")
+                .help("Name the table of sizes with the key `sizes`, or remove the key `rules`."),
+        ),
+        _ => {}
+    }
+    if let Some(field) = fields.get(fit::limits::RULES) {
+        report.push(
+            Diagnostic::error("rules", manifest_file, field.place())
+                .problem(format!("there are {} rule sets, more than {}", fields.len(), fit::limits::RULES))
+                .help("Keep those by which this kimono is ordered."),
+        );
+    }
+    for (i, (field, name)) in rule_names(manifest).enumerate() {
+        if rule_names(manifest).take(i).any(|(_, earlier)| earlier == name) {
+            report.push(
+                Diagnostic::error("rules", manifest_file, field.place())
+                    .problem(format!("the rules `{name}` are named twice"))
+                    .help("Remove one of them."),
+            );
+        }
+    }
+}
+
 fn measured_paths(paths: Paths) -> impl Iterator<Item = ir::MeasuredPath> {
     paths.0.into_iter().map(|(name, path)| ir::MeasuredPath {
         name,
         ja: path.ja,
         vertices: path.vertices.iter().flatten().filter_map(|vertex| vertex.get().copied()).collect(),
         offset_m: path.offset.map_or(0.0, |offset| offset.metres() as f32),
+        rule: value(&path.rule).cloned(),
+        load: value(&path.load).map_or(1.0, |load| *load as f32),
     })
 }
 

@@ -4,6 +4,7 @@ use crate::StageError;
 use crate::ir;
 use glam::{Quat, Vec2, Vec3};
 use kitsuke::garment::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::pack::write::{Wanted, quantise};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Driver sets owning fewer vertices than this join a larger set that holds them.
@@ -12,7 +13,8 @@ const FEWEST_VERTICES: usize = 48;
 /// The arrays of a pack from the garment and what the stages made of it: `skin` and `masks` per base vertex, `deltas`
 /// per target and base vertex, metres.
 ///
-/// A delta is stored in steps of 2/√3 of the budget, so that rounding moves no point farther than the budget.
+/// A delta is stored in steps of 2/√3 of the budget: the largest cubic grid of which every ball with the budget as its
+/// radius holds a point. Where it holds several, the one that takes the fewest bytes is stored.
 ///
 /// # Errors
 /// When a target lies too far from the base for its step, naming target and vertex.
@@ -38,18 +40,28 @@ pub fn compress(
         joints: driver.joints.clone(),
         threshold_rad: driver.threshold_rad,
     };
+    let mesh = mesh(&garment.base, &order.source_vertex);
+    let mut targets: Vec<Target> =
+        garment.targets.iter().zip(&steps).map(|(t, steps)| target(&t.name, step_m, steps, &order)).collect();
+    let wanted: Vec<Wanted> =
+        targets.iter().zip(deltas).map(|(target, deltas)| wanted(target, deltas, &order)).collect();
+    let radius = garment.budget_m / step_m;
+    for (target, deltas) in targets.iter_mut().zip(quantise(&mesh, &order.segments, &wanted, radius)) {
+        target.deltas = deltas;
+    }
     Ok(GarmentData {
         id: garment.id.clone(),
         name: garment.name.clone(),
         skeleton: garment.body.skeleton.clone(),
-        mesh: mesh(&garment.base, &order.source_vertex),
+        mesh,
         skin: order.source_vertex.iter().map(|&v| skin[v as usize]).collect(),
         drivers: garment.drivers.iter().map(driver).collect(),
-        targets: garment.targets.iter().zip(&steps).map(|(t, steps)| target(&t.name, step_m, steps, &order)).collect(),
+        targets,
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
         rbf: None,
         certificate: None,
+        proxies: Vec::new(),
     })
 }
 
@@ -141,6 +153,20 @@ fn target(name: &str, step_m: f32, steps: &[[i16; 3]], order: &Order) -> Target 
     target
 }
 
+/// What a target's steps would be if they need not be whole.
+fn wanted(target: &Target, deltas: &[Vec3], order: &Order) -> Wanted {
+    let mut start = 0;
+    let runs = order.segments.iter().map(|segment| {
+        let run = &order.source_vertex[start..start + segment.vertex_count as usize];
+        start += segment.vertex_count as usize;
+        run
+    });
+    let runs: Vec<&[u32]> = runs.collect();
+    let moved = target.segments.iter().flat_map(|&segment| runs[usize::from(segment)]);
+    let steps = moved.map(|&vertex| deltas[vertex as usize] / target.step_m).collect();
+    Wanted { segments: target.segments.clone(), steps }
+}
+
 /// The surface in the pack's order: unique vertices, then a twin for every further texture coordinate of one.
 fn mesh(base: &ir::Surface, source_vertex: &[u32]) -> Mesh {
     let mut packed_from_source = vec![0u32; source_vertex.len()];
@@ -150,7 +176,8 @@ fn mesh(base: &ir::Surface, source_vertex: &[u32]) -> Mesh {
     let position = |&v: &u32| base.positions_m[v as usize];
     let part = |part: &ir::Part| Part { name: part.name.clone(), triangle_count: part.triangle_count };
     let mut mesh = Mesh {
-        positions_m: source_vertex.iter().map(position).collect(),
+        // Plus 0, so that no coordinate is -0: whole steps have none.
+        positions_m: source_vertex.iter().map(|v| position(v) + Vec3::ZERO).collect(),
         triangles: base.triangles.iter().map(|t| t.map(|v| packed_from_source[v as usize])).collect(),
         parts: base.parts.iter().map(part).collect(),
         source_vertex: source_vertex.to_vec(),

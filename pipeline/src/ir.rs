@@ -2,7 +2,9 @@
 //! read; knows no file format.
 
 use glam::{Quat, Vec2, Vec3};
+use kitsuke::fit::SizeBody;
 use kitsuke::skeleton::{Bone, Skeleton};
+use kitsuke::tailoring::RuleSet;
 
 /// A kimono as the artist gave it, checked.
 #[derive(Clone, Debug)]
@@ -29,6 +31,10 @@ pub struct Garment {
     pub regions: Regions,
     /// Measured paths (P1), by name.
     pub paths: Vec<MeasuredPath>,
+    /// The sizes in which it exists, if it can be fitted.
+    pub sizes: Option<Sizes>,
+    /// The rule sets by which it is fitted; the first is its own.
+    pub rules: Vec<RuleSet>,
     /// How far the blended surface may lie from the target files, metres.
     pub budget_m: f32,
     /// How far any vertex may move per degree of one joint, metres; `None`: as it comes.
@@ -118,4 +124,28 @@ pub struct MeasuredPath {
     pub vertices: Vec<u32>,
     /// Added to the sum of the edge lengths, metres.
     pub offset_m: f32,
+    /// The dimension of the rule sets that says how long it should be; `None`: it is not fitted.
+    pub rule: Option<String>,
+    /// How much an error counts in a fit, above 0.
+    pub load: f32,
+}
+
+/// The same kimono tailored to several bodies, in the T-pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sizes {
+    /// The bodies: first the base's, then each shape's.
+    pub bodies: Vec<SizeBody>,
+    /// The kimono on the bodies after the first.
+    pub shapes: Vec<SizeShape>,
+}
+
+/// The kimono in one size.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SizeShape {
+    /// Path as in the size table, for reports.
+    pub file: String,
+    /// Metres, in the base's vertex order.
+    pub positions_m: Vec<Vec3>,
+    /// Texture coordinates in the base's order; empty when the base has none.
+    pub uv: Vec<Vec2>,
 }

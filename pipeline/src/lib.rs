@@ -3,12 +3,16 @@
 //! A stage is a plain function from what it needs to what it makes: no files, no globals, no prints. Only `source`
 //! knows the artist's file formats, only `catalog` writes packs.
 
+pub mod audit;
 pub mod catalog;
 pub mod certificate;
 pub mod check;
 pub mod compress;
 pub mod deltas;
 pub mod diagnostic;
+pub mod distortion;
+pub mod fit_data;
+pub mod fitted;
 pub mod frames;
 pub mod ir;
 pub mod kernel;
@@ -16,19 +20,26 @@ mod laplacian;
 pub mod leave_one_out;
 pub mod memo;
 pub mod pose_space;
+pub mod proxies;
 pub mod raster;
 pub mod regions;
 pub mod scene;
 pub mod sheet;
+pub mod size_errors;
 pub mod skin;
 pub mod source;
 pub mod texture;
 pub mod verify;
 mod weights;
+pub mod weld;
+pub mod weld_quality;
 
 use diagnostic::{Diagnostic, Severity};
 use glam::Vec3;
+use kitsuke::fit::FitData;
 use kitsuke::garment::{Garment, SkinWeights};
+use kitsuke::pack::write::{write, write_with_fit};
+use kitsuke::skeleton::Bone;
 use memo::{Key, Memo, Origin};
 use rayon::prelude::*;
 use source::InputFile;
@@ -93,6 +104,8 @@ pub struct Built {
     pub pack: Vec<u8>,
     /// The garment in it.
     pub garment: Garment,
+    /// What fitting it needs; `None` when it has no sizes.
+    pub fit: Option<FitData>,
     /// How far each target lies from its file.
     pub quality: Vec<verify::TargetQuality>,
     /// What painted masks cut off.
@@ -156,17 +169,54 @@ pub fn build_garment(
     let garment = checked(data.clone())?;
     tell("compress", None, Origin::Computed);
 
+    // Where that lies in the body when it moves, the body pushes it out.
+    let settings = proxies::Settings::default();
+    let mut proxies = proxies::proxies(body, &settings);
+    let key = keys::near(&garment, body, &settings);
+    let (near, origin) = memo.recall(&key, || proxies::near(&garment, &proxies, &settings))?;
+    proxies::assign(&mut proxies, &data, &near);
+    data.proxies = proxies;
+    let garment = checked(data.clone())?;
+    tell("proxies", None, origin);
+
     // What it promises between the samples.
     let certificate = certificate::certificate(&garment, &certificate::Settings::default())?;
     certificate::keep_budgets(&certificate, source)?;
     data.certificate = Some(certificate);
     let garment = checked(data)?;
     tell("certificate", None, Origin::Computed);
-    let pack = kitsuke::pack::write::write(&garment);
+
+    // What fitting it to a wearer needs.
+    let fit = source.sizes.as_ref().map(|sizes| {
+        let (rests, step_m, settings) = (rests(&garment, &skin), fit_data::step_m(source), weld::Settings::default());
+        let (steps, origin) = memo.recall(&keys::weld(base, sizes, &rests, step_m, &settings), || {
+            weld::weld(base, &sizes.shapes, &rests, f64::from(step_m), &settings)
+        })?;
+        let fit = fit_data::fit_data(source, sizes, &steps, &garment);
+        tell("weld", None, origin);
+        Ok(fit)
+    });
+    let fit = fit.transpose()?;
+    let pack = match &fit {
+        Some(fit) => write_with_fit(&garment, fit).map_err(|error| StageError::new("weld", error.to_string()))?,
+        None => write(&garment),
+    };
     tell("write", None, Origin::Computed);
     let quality = verify::verify(source, &masks, &deltas, &pack)?;
     tell("verify", None, Origin::Computed);
-    Ok(Built { pack, garment, quality, remainders, skin, masks, deltas })
+    Ok(Built { pack, garment, fit, quality, remainders, skin, masks, deltas })
+}
+
+/// How much of each vertex hangs from the shoulders, 0 to 1: there a kimono rests, whatever its size.
+fn rests(garment: &Garment, skin: &[SkinWeights]) -> Vec<f64> {
+    const BONES: [Bone; 5] = [Bone::Chest, Bone::UpperChest, Bone::Neck, Bone::LeftShoulder, Bone::RightShoulder];
+    let joints = garment.data().skeleton.joints();
+    let rests = |skin: &SkinWeights| {
+        let places = skin.joints.iter().zip(skin.weights);
+        let resting = places.filter(|(joint, _)| BONES.contains(&joints[usize::from(**joint)].bone));
+        resting.map(|(_, weight)| f64::from(weight) / 65535.0).sum()
+    };
+    skin.iter().map(rests).collect()
 }
 
 /// Skin weights as the memo keeps them: four joints, four weights.
@@ -181,7 +231,7 @@ fn from_words([a, b, c, d, e, f, g, h]: [u16; 8]) -> SkinWeights {
 
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Key, SkinWeights, deltas, ir, regions, skin, to_words};
+    use super::{Garment, Key, SkinWeights, deltas, ir, proxies, regions, skin, to_words, weld};
     use glam::Vec3;
     use kitsuke::skeleton::{Bone, Skeleton};
 
@@ -218,6 +268,18 @@ mod keys {
             ir::Regions::Auto => key.text("auto"),
             ir::Regions::Painted(masks) => masks.iter().fold(key.text("painted"), |key, mask| key.array(mask)),
         }
+    }
+
+    pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {
+        let key =
+            surface(Key::new("weld", weld::VERSION).text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
+        let counts: Vec<u32> = base.parts.iter().map(|part| part.triangle_count).collect();
+        sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
+    }
+
+    pub fn near(garment: &Garment, body: &ir::Body, settings: &proxies::Settings) -> Key {
+        let key = Key::new("proxies", proxies::VERSION).text(&format!("{settings:?} {:?}", body.skin));
+        surface(key, &body.surface).array(&kitsuke::pack::write::write(garment))
     }
 
     fn surface(key: Key, surface: &ir::Surface) -> Key {

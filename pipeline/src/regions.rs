@@ -9,7 +9,7 @@ use kitsuke::skeleton::Bone;
 use rayon::prelude::*;
 
 /// Counts up whenever the same input gives other masks.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// How regions grow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,10 +128,13 @@ fn angle_rad(rotation: Quat) -> f64 {
 /// The nonnegative `x` that minimises `|sum_j x_j columns_j - wanted|`, by cyclic coordinate descent, which converges
 /// for every such problem. A column of zeros gets 0.
 fn nonnegative_least_squares(columns: &[Vec<f64>], wanted: &[f64]) -> Vec<f64> {
-    const ROUNDS: usize = 200;
+    // Columns that are nearly alike need many rounds; most problems rest after a few.
+    const ROUNDS: usize = 5000;
+    const REST: f64 = 1e-9;
     let mut x = vec![0.0; columns.len()];
     let mut missing = wanted.to_vec();
     for _ in 0..ROUNDS {
+        let mut largest = 0.0f64;
         for (x, column) in x.iter_mut().zip(columns) {
             let length_squared: f64 = column.iter().map(|a| a * a).sum();
             if length_squared == 0.0 {
@@ -141,6 +144,10 @@ fn nonnegative_least_squares(columns: &[Vec<f64>], wanted: &[f64]) -> Vec<f64> {
             let step = (along / length_squared).max(-*x);
             *x += step;
             missing.iter_mut().zip(column).for_each(|(m, a)| *m -= step * a);
+            largest = largest.max(step.abs() * length_squared.sqrt());
+        }
+        if largest < REST {
+            break;
         }
     }
     x

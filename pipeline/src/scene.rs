@@ -4,7 +4,7 @@ use crate::frames::{Shot, Stage, in_source_order};
 use crate::ir;
 use crate::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use crate::texture::Texture;
-use glam::{Affine3A, Mat3, Vec3};
+use glam::{Affine3A, Mat3, Vec2, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
 use kitsuke::skeleton::{Bone, Pose, Skeleton};
@@ -46,6 +46,8 @@ pub enum Colours {
 pub struct Figure {
     positions_m: Vec<Vec3>,
     normals: Vec<Vec3>,
+    /// Texture coordinates; empty where the garment's own serve.
+    uv: Vec<Vec2>,
     /// Colours per vertex, unless the cloth is drawn as it looks.
     colours: Option<Vec<[u8; 3]>>,
     /// Positions and normals of what stands round the cloth, as in the scene.
@@ -98,7 +100,43 @@ impl<'a> Scene<'a> {
             colours: self.colours(shot, positions_m, colours),
             positions_m: positions_m.to_vec(),
             normals: normals.to_vec(),
+            uv: Vec::new(),
             context: self.context.iter().map(posed).collect(),
+        }
+    }
+
+    /// The same with another texture on the cloth.
+    #[must_use]
+    pub fn with_texture(&self, texture: Texture) -> Scene<'a> {
+        Scene { texture: Some(texture), ..self.clone() }
+    }
+
+    /// The same without wearer and obi.
+    #[must_use]
+    pub fn unworn(self) -> Scene<'a> {
+        Scene { context: Vec::new(), ..self }
+    }
+
+    /// The kimono alone in a shape of its own: positions of its unique vertices (metres), and texture coordinates for all.
+    ///
+    /// # Panics
+    /// When there are fewer of either than the garment has vertices.
+    #[must_use]
+    pub fn alone(&self, positions_m: &[Vec3], uv: &[Vec2]) -> Figure {
+        assert_eq!(uv.len(), self.garment.vertex_count(), "one texture coordinate per vertex");
+        let mesh = &self.garment.data().mesh;
+        let unique =
+            |v: u32| (v as usize).checked_sub(self.garment.unique_count()).map_or(v, |twin| mesh.twin_of[twin]);
+        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|triangle| triangle.map(unique)).collect();
+        // Normals of the welded cloth.
+        let normals = smooth_normals(positions_m, &triangles);
+        let all = |values: &[Vec3]| (0..uv.len() as u32).map(|v| values[unique(v) as usize]).collect();
+        Figure {
+            positions_m: all(positions_m),
+            normals: all(&normals),
+            uv: uv.to_vec(),
+            colours: None,
+            context: Vec::new(),
         }
     }
 
@@ -111,7 +149,7 @@ impl<'a> Scene<'a> {
         let mesh = &self.garment.data().mesh;
         let paint = match (&figure.colours, &self.texture) {
             (Some(colours), _) => Paint::PerVertex(colours),
-            (None, Some(texture)) => Paint::Textured(texture, &mesh.uv),
+            (None, Some(texture)) => Paint::Textured(texture, if figure.uv.is_empty() { &mesh.uv } else { &figure.uv }),
             (None, None) => Paint::Plain(CLOTH),
         };
         let cloth = Shape {
@@ -175,6 +213,16 @@ impl<'a> Scene<'a> {
             }
         }
         colours
+    }
+}
+
+impl Figure {
+    /// Paints these unique vertices red, where the figure's colours say something.
+    pub fn mark(&mut self, vertices: &[u32]) {
+        const MARK: [u8; 3] = [214, 24, 24];
+        if let Some(colours) = &mut self.colours {
+            vertices.iter().for_each(|&vertex| colours[vertex as usize] = MARK);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Base colour images for the rasteriser, and light as sRGB bytes. Knows no mesh.
 
 use glam::{Vec2, Vec3};
-use image::{ImageError, ImageReader};
+use image::{ImageError, ImageReader, Rgb, RgbImage};
 use std::io::Cursor;
 use std::sync::LazyLock;
 
@@ -33,13 +33,25 @@ impl Texture {
         limits.max_image_width = Some(TEXTURE_PX);
         limits.max_image_height = Some(TEXTURE_PX);
         reader.limits(limits);
-        let image = reader.decode()?.into_rgb8();
+        Ok(Texture::from_rgb(&reader.decode()?.into_rgb8()))
+    }
+
+    /// A checker of so many squares along each side.
+    #[must_use]
+    pub fn checker(squares: u32, colours: [[u8; 3]; 2]) -> Texture {
+        const SQUARE_PX: u32 = 16;
+        let side_px = (squares * SQUARE_PX).clamp(SQUARE_PX, TEXTURE_PX);
+        let colour = |x: u32, y: u32| colours[((x / SQUARE_PX + y / SQUARE_PX) % 2) as usize];
+        Texture::from_rgb(&RgbImage::from_fn(side_px, side_px, |x, y| Rgb(colour(x, y))))
+    }
+
+    fn from_rgb(image: &RgbImage) -> Texture {
         let texels = image.pixels().map(|p| linear(p.0)).collect();
         let mut levels = vec![Level { width: image.width() as usize, height: image.height() as usize, texels }];
         while levels.last().is_some_and(|level| level.width.max(level.height) > 1) {
             levels.push(levels[levels.len() - 1].half());
         }
-        Ok(Texture { levels })
+        Texture { levels }
     }
 
     /// Width and height, pixels.

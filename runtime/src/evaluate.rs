@@ -6,10 +6,14 @@
 //! knows is chosen at run time. All of them give the same bits: sums are never reordered, and no multiplication is
 //! fused with an addition.
 
+mod normals;
+
+use crate::clearance;
 use crate::garment::{Garment, GarmentData, Segment, SkinWeights, limits};
 use crate::pose_blend::{self, Rates};
 use crate::skeleton::Pose;
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, Vec3};
+use normals::Normals;
 use pulp::{Arch, Simd, WithSimd};
 use std::collections::BTreeMap;
 use std::mem::size_of_val;
@@ -31,14 +35,8 @@ pub struct Scratch {
     /// The blended cloth before posing: x, y, z of every unique vertex, metres.
     blended_m: Vec<f32>,
     posed_from_rest: Vec<Affine3A>,
-    corners: Vec<Corner>,
-}
-
-/// A posed unique vertex with the sum of its triangles' normals; side by side because a triangle needs both.
-#[derive(Clone, Copy, Debug, Default)]
-struct Corner {
-    position_m: Vec3A,
-    normal: Vec3A,
+    normals: normals::Work,
+    clearance: clearance::Work,
 }
 
 /// What evaluation derives once from a garment's arrays.
@@ -49,9 +47,11 @@ pub(crate) struct Plan {
     pieces: Vec<Piece>,
     /// Whether the masks of every vertex of a segment sum to one.
     is_whole: Vec<bool>,
+    /// The masks segment by segment, driver by driver, each three times: for x, y and z.
+    masks: Vec<u16>,
     skin: BlockedSkin,
-    /// Triangles over the unique vertices, so that normals are smooth across seams.
-    triangles: Vec<[u32; 3]>,
+    /// Over the unique vertices, so that normals are smooth across seams.
+    normals: normals::Plan,
 }
 
 /// A target's deltas in one segment.
@@ -126,13 +126,21 @@ impl Plan {
             Some(twin) => data.mesh.twin_of[twin],
             None => vertex,
         };
-        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let normals = normals::Plan::new(unique, &triangles);
         let is_whole = data.segments.iter().map(|segment| {
             let mut rows = segment.masks.chunks_exact(segment.drivers.len().max(1));
             rows.all(|row| row.iter().map(|&mask| u32::from(mask)).sum::<u32>() == u32::from(u16::MAX))
         });
-        let (is_whole, skin) = (is_whole.collect(), BlockedSkin::new(&data.skin));
-        Plan { of_segment, pieces: by_segment.concat(), is_whole, skin, triangles }
+        let is_whole: Vec<bool> = is_whole.collect();
+        let mut masks = Vec::new();
+        for Segment { drivers, masks: rows, .. } in &data.segments {
+            for column in 0..drivers.len() {
+                let of_driver = rows.iter().skip(column).step_by(drivers.len());
+                masks.extend(of_driver.flat_map(|&mask| [mask; 3]));
+            }
+        }
+        Plan { of_segment, pieces: by_segment.concat(), is_whole, masks, skin: BlockedSkin::new(&data.skin), normals }
     }
 
     fn pieces(&self, segment: usize) -> &[Piece] {
@@ -148,7 +156,8 @@ impl Scratch {
             rates: Rates::new(garment),
             blended_m: vec![0.0; 3 * garment.unique_count()],
             posed_from_rest: vec![Affine3A::IDENTITY; garment.data().skeleton.joints().len()],
-            corners: vec![Corner::default(); garment.unique_count()],
+            normals: normals::Work::new(garment.unique_count(), &garment.plan().normals),
+            clearance: clearance::Work::new(&garment.data().proxies, &garment.data().skeleton),
         }
     }
 
@@ -187,7 +196,8 @@ fn evaluate_sanitised(garment: &Garment, pose: &Pose, rates: &Rates, scratch: &m
     assert_eq!(frame.normals.len(), garment.vertex_count(), "one normal per vertex");
     blend(garment, rates, scratch);
     skin(garment, pose, scratch, frame.positions_m);
-    normals(garment, scratch, frame.normals);
+    clear(garment, pose, scratch, frame.positions_m);
+    normals(garment, frame.positions_m, scratch, frame.normals);
     twins(garment, frame);
 }
 
@@ -219,43 +229,63 @@ impl WithSimd for Blend<'_> {
 #[inline(always)]
 fn blend_segments(garment: &Garment, rates: &Rates, mut blended_m: &mut [f32]) {
     let data = garment.data();
-    blended_m.copy_from_slice(bytemuck::cast_slice(&data.mesh.positions_m));
+    let mut base_m: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
+    let mut masks = garment.plan().masks.as_slice();
     for (number, segment) in data.segments.iter().enumerate() {
-        let (of_segment, rest) = blended_m.split_at_mut(3 * segment.vertex_count as usize);
+        let floats = 3 * segment.vertex_count as usize;
+        let (of_segment, rest) = blended_m.split_at_mut(floats);
         blended_m = rest;
+        let base_of_segment = &base_m[..floats];
+        base_m = &base_m[floats..];
+        let is_whole = garment.plan().is_whole[number];
+        let of_segment_masks = &masks[..3 * segment.masks.len()];
+        masks = &masks[of_segment_masks.len()..];
+
         let pieces = garment.plan().pieces(number);
         let shares = Shares::of(segment, rates);
-        for (block, sums_m) in of_segment.chunks_mut(FLOATS).enumerate() {
+        let rates_of = |first: u8| rates.driver(usize::from(segment.drivers[usize::from(first)]));
+        let blocks = of_segment.chunks_mut(FLOATS).zip(base_of_segment.chunks(FLOATS)).enumerate();
+        for (block, (sums_m, base_m)) in blocks {
             let rows = block * BLOCK..block * BLOCK + sums_m.len() / 3;
-            for pair in shares.firsts[..shares.count].chunks(2) {
-                let rates_of = |first: u8| rates.driver(usize::from(segment.drivers[usize::from(first)]));
-                let (mut a_m, mut b_m) = ([0.0; FLOATS], [0.0; FLOATS]);
+            if let (true, [only]) = (is_whole, shares.firsts()) {
+                let mut moves_m = [0.0; FLOATS];
+                in_fours(data, pieces, &rows, [rates_of(*only)], |four| add_to_one(four, &mut moves_m));
+                for ((sum_m, base_m), move_m) in sums_m.iter_mut().zip(base_m).zip(&moves_m) {
+                    *sum_m = base_m + move_m;
+                }
+                continue;
+            }
+            sums_m.copy_from_slice(base_m);
+            for pair in shares.firsts().chunks(2) {
+                let mut moves_m = [[0.0; FLOATS]; 2];
+                let [a_m, b_m] = &mut moves_m;
                 match *pair {
                     [a, b] => {
                         let rates = [rates_of(a), rates_of(b)];
-                        in_fours(data, pieces, &rows, rates, |four| add_to_two(four, &mut a_m, &mut b_m));
-                        shares.add(segment, b, rows.clone(), &b_m, sums_m);
+                        in_fours(data, pieces, &rows, rates, |four| add_to_two(four, a_m, b_m));
                     }
-                    [a, ..] => in_fours(data, pieces, &rows, [rates_of(a)], |four| add_to_one(four, &mut a_m)),
+                    [a, ..] => in_fours(data, pieces, &rows, [rates_of(a)], |four| add_to_one(four, a_m)),
                     [] => unreachable!("chunks are not empty"),
                 }
-                if shares.count == 1 && garment.plan().is_whole[number] {
-                    for (sum_m, move_m) in sums_m.iter_mut().zip(&a_m) {
-                        *sum_m += move_m;
+                for (first, moves_m) in pair.iter().zip(&moves_m) {
+                    for column in shares.columns(*first) {
+                        let masks = &of_segment_masks[column * floats + 3 * rows.start..][..sums_m.len()];
+                        for ((sum_m, &mask), move_m) in sums_m.iter_mut().zip(masks).zip(moves_m) {
+                            *sum_m += f32::from(mask) * (1.0 / 65535.0) * move_m;
+                        }
                     }
-                } else {
-                    shares.add(segment, pair[0], rows.clone(), &a_m, sums_m);
                 }
             }
         }
     }
 }
 
-/// Which drivers of a segment have the same rates, for example because one group sets them: their masks can be added
-/// up, and each delta is touched once for all of them.
+/// Which drivers of a segment have the same rates, for example because one group sets them: each delta is touched once
+/// for all of them.
 struct Shares {
     /// For every driver of the segment the first one with the same rates.
     first: [u8; limits::DRIVERS],
+    drivers: usize,
     /// The drivers that are such firsts.
     firsts: [u8; limits::DRIVERS],
     count: usize,
@@ -263,11 +293,16 @@ struct Shares {
 
 impl Shares {
     fn of(segment: &Segment, rates: &Rates) -> Shares {
-        let mut shares = Shares { first: [0; limits::DRIVERS], firsts: [0; limits::DRIVERS], count: 0 };
+        let mut shares = Shares {
+            first: [0; limits::DRIVERS],
+            drivers: segment.drivers.len(),
+            firsts: [0; limits::DRIVERS],
+            count: 0,
+        };
         let rates_of = |column: u8| rates.driver(usize::from(segment.drivers[usize::from(column)]));
         for column in 0..segment.drivers.len() as u8 {
-            let known = &shares.firsts[..shares.count];
-            let first = known.iter().copied().find(|&first| rates_of(first) == rates_of(column)).unwrap_or(column);
+            let known = shares.firsts().iter().copied().find(|&first| rates_of(first) == rates_of(column));
+            let first = known.unwrap_or(column);
             if first == column {
                 shares.firsts[shares.count] = column;
                 shares.count += 1;
@@ -277,22 +312,13 @@ impl Shares {
         shares
     }
 
-    /// Adds what the drivers like `first` move, by their masks.
-    #[inline(always)]
-    fn add(&self, segment: &Segment, first: u8, rows: Range<usize>, moves_m: &[f32], sums_m: &mut [f32]) {
-        let columns = segment.drivers.len();
-        let mut counts = [0.0; limits::DRIVERS];
-        for (counts, &of) in counts.iter_mut().zip(&self.first[..columns]) {
-            *counts = if of == first { 1.0 / 65535.0 } else { 0.0 };
-        }
-        let masks = &segment.masks[rows.start * columns..rows.end * columns];
-        let vertices = sums_m.as_chunks_mut::<3>().0.iter_mut().zip(moves_m.as_chunks::<3>().0);
-        for ((sum_m, move_m), row) in vertices.zip(masks.chunks_exact(columns)) {
-            let mask: f32 = row.iter().zip(&counts).map(|(&mask, counts)| f32::from(mask) * counts).sum();
-            for (sum, by) in sum_m.iter_mut().zip(move_m) {
-                *sum += mask * by;
-            }
-        }
+    fn firsts(&self) -> &[u8] {
+        &self.firsts[..self.count]
+    }
+
+    /// The drivers like this first one.
+    fn columns(&self, first: u8) -> impl Iterator<Item = usize> {
+        (0..self.drivers).filter(move |&column| self.first[column] == first)
     }
 }
 
@@ -355,17 +381,17 @@ fn add_to_two([a, b, c, d]: &[Term<2>; 4], first_m: &mut [f32; FLOATS], second_m
 /// When `positions_m` is shorter than the unique vertices, or `scratch` was made for a garment of another shape.
 pub fn skin(garment: &Garment, pose: &Pose, scratch: &mut Scratch, positions_m: &mut [Vec3]) {
     let data = garment.data();
-    let Scratch { posed_from_rest, blended_m, corners, .. } = scratch;
+    let Scratch { posed_from_rest, blended_m, .. } = scratch;
     data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), posed_from_rest);
-    assert_eq!(corners.len(), garment.unique_count(), "scratch of another garment");
-    Arch::new().dispatch(Skin { skin: &garment.plan().skin, posed_from_rest, blended_m, corners, positions_m });
+    assert_eq!(blended_m.len(), 3 * garment.unique_count(), "scratch of another garment");
+    let positions_m = &mut positions_m[..garment.unique_count()];
+    Arch::new().dispatch(Skin { skin: &garment.plan().skin, posed_from_rest, blended_m, positions_m });
 }
 
 struct Skin<'a> {
     skin: &'a BlockedSkin,
     posed_from_rest: &'a [Affine3A],
     blended_m: &'a [f32],
-    corners: &'a mut [Corner],
     positions_m: &'a mut [Vec3],
 }
 
@@ -374,61 +400,65 @@ impl WithSimd for Skin<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Skin { skin, posed_from_rest, blended_m, corners, positions_m } = self;
-        let positions_m = &mut positions_m[..corners.len()];
+        let Skin { skin, posed_from_rest, blended_m, positions_m } = self;
         let mut joints = skin.joints.iter().zip(&skin.weights);
-        let blocks = blended_m.chunks(3 * LANES).zip(corners.chunks_mut(LANES)).zip(positions_m.chunks_mut(LANES));
-        for (((blended_m, corners), positions_m), &count) in blocks.zip(&skin.counts) {
-            let mut rest_m = [[0.0; LANES]; 3];
-            let [x, y, z] = &mut rest_m;
-            for (((x, y), z), blended_m) in x.iter_mut().zip(y).zip(z).zip(blended_m.as_chunks::<3>().0) {
+        let mut counts = skin.counts.iter();
+        for (blended_m, positions_m) in blended_m.chunks(FLOATS).zip(positions_m.chunks_mut(BLOCK)) {
+            let mut planes = [[0.0; BLOCK]; 3];
+            let [x, y, z] = &mut planes;
+            for (((x, y), z), blended_m) in x.iter_mut().zip(&mut *y).zip(&mut *z).zip(blended_m.as_chunks::<3>().0) {
                 [*x, *y, *z] = *blended_m;
             }
-            let [x, y, z] = rest_m;
-            let mut posed_m = [[0.0; LANES]; 3];
-            for (&joint, weights) in joints.by_ref().take(usize::from(count)) {
-                let Affine3A { matrix3, translation } = &posed_from_rest[usize::from(joint)];
-                let (a, b, c) = (matrix3.x_axis, matrix3.y_axis, matrix3.z_axis);
-                for (axis, posed_m) in posed_m.iter_mut().enumerate() {
-                    let [a, b, c, d] = [a[axis], b[axis], c[axis], translation[axis]];
-                    for i in 0..LANES {
-                        let weight = f32::from(weights[i]) * (1.0 / 65535.0);
-                        posed_m[i] += weight * (a * x[i] + b * y[i] + (c * z[i] + d));
+            let [x_blocks, y_blocks, z_blocks] = [x, y, z].map(|plane| plane.as_chunks_mut::<LANES>().0);
+            let blocks = x_blocks.iter_mut().zip(y_blocks).zip(z_blocks).take(positions_m.len().div_ceil(LANES));
+            for (((x, y), z), &count) in blocks.zip(&mut counts) {
+                let mut posed_m = [[0.0; LANES]; 3];
+                for (&joint, weights) in joints.by_ref().take(usize::from(count)) {
+                    let Affine3A { matrix3, translation } = &posed_from_rest[usize::from(joint)];
+                    let (a, b, c) = (matrix3.x_axis, matrix3.y_axis, matrix3.z_axis);
+                    for (axis, posed_m) in posed_m.iter_mut().enumerate() {
+                        let [a, b, c, d] = [a[axis], b[axis], c[axis], translation[axis]];
+                        for i in 0..LANES {
+                            let weight = f32::from(weights[i]) * (1.0 / 65535.0);
+                            posed_m[i] += weight * (a * x[i] + b * y[i] + (c * z[i] + d));
+                        }
                     }
                 }
+                [*x, *y, *z] = posed_m;
             }
-            let [x, y, z] = posed_m;
-            for (i, (corner, position_m)) in corners.iter_mut().zip(positions_m).enumerate() {
-                *corner = Corner { position_m: Vec3A::new(x[i], y[i], z[i]), normal: Vec3A::ZERO };
-                *position_m = Vec3::new(x[i], y[i], z[i]);
+            let [x, y, z] = &planes;
+            for (((position_m, x), y), z) in positions_m.iter_mut().zip(x).zip(y).zip(z) {
+                *position_m = Vec3::new(*x, *y, *z);
             }
         }
     }
 }
 
-/// Step 3: normals of the unique vertices: the mean of their triangles' normals weighted by area, across seams. Where
+/// Step 3: pushes the skinned cloth out of the body.
+///
+/// # Panics
+/// When `positions_m` is shorter than the unique vertices, or `scratch` was made for a garment of other proxies.
+pub fn clear(garment: &Garment, pose: &Pose, scratch: &mut Scratch, positions_m: &mut [Vec3]) {
+    let data = garment.data();
+    let Scratch { posed_from_rest, clearance, .. } = scratch;
+    let strength = clearance::strength(&data.poses, pose);
+    let scene = clearance::Scene { skeleton: &data.skeleton, pose, posed_from_rest, skin: &data.skin, strength };
+    clearance::push_out(&data.proxies, scene, clearance, positions_m);
+}
+
+/// Step 4: normals of the unique vertices: the mean of their triangles' normals weighted by area, across seams. Where
 /// that has no direction, +Y.
 ///
 /// # Panics
 /// When `normals` is shorter than the unique vertices, or `scratch` was made for a garment of another shape.
-pub fn normals(garment: &Garment, scratch: &mut Scratch, normals: &mut [Vec3]) {
-    let corners = scratch.corners.as_mut_slice();
-    let normals = &mut normals[..corners.len()];
-    for &[a, b, c] in &garment.plan().triangles {
-        let [a, b, c] = [a as usize, b as usize, c as usize];
-        let origin = corners[a].position_m;
-        let doubled_area = (corners[b].position_m - origin).cross(corners[c].position_m - origin);
-        corners[a].normal += doubled_area;
-        corners[b].normal += doubled_area;
-        corners[c].normal += doubled_area;
-    }
-    for (corner, normal) in corners.iter().zip(normals) {
-        let length = corner.normal.length();
-        *normal = if length > 0.0 && length < f32::INFINITY { (corner.normal / length).into() } else { Vec3::Y };
-    }
+pub fn normals(garment: &Garment, positions_m: &[Vec3], scratch: &mut Scratch, normals: &mut [Vec3]) {
+    let unique = garment.unique_count();
+    let (plan, work) = (&garment.plan().normals, &mut scratch.normals);
+    let (positions_m, normals) = (&positions_m[..unique], &mut normals[..unique]);
+    Arch::new().dispatch(Normals { plan, positions_m, work, normals });
 }
 
-/// Step 4: seam twins copy the vertices that they are twins of.
+/// Step 5: seam twins copy the vertices that they are twins of.
 pub fn twins(garment: &Garment, frame: Frame<'_>) {
     let mesh = &garment.data().mesh;
     let unique = mesh.positions_m.len();
@@ -455,10 +485,12 @@ pub fn bytes_touched(garment: &Garment, rates: &Rates) -> usize {
         });
         active.count() * count * size_of::<[i16; 3]>() + size_of_val(segment.masks.as_slice())
     });
-    let scratch = garment.unique_count() * (size_of::<Vec3>() + size_of::<Corner>());
+    let plan = garment.plan();
+    let scratch =
+        garment.unique_count() * size_of::<Vec3>() + normals::Work::new(garment.unique_count(), &plan.normals).bytes();
     let arrays = size_of_val(mesh.positions_m.as_slice())
-        + garment.plan().skin.bytes()
-        + size_of_val(garment.plan().triangles.as_slice())
+        + plan.skin.bytes()
+        + plan.normals.bytes()
         + size_of_val(mesh.twin_of.as_slice());
     blended.sum::<usize>() + arrays + scratch + garment.vertex_count() * 2 * size_of::<Vec3>()
 }
@@ -481,22 +513,32 @@ mod tests {
         for (driver, target) in (0..drivers).flat_map(|driver| (0..targets).map(move |target| (driver, target))) {
             rates.set(driver, target, 0.3 + driver as f32 / 7.0 - target as f32 / 11.0);
         }
-        let mut scratch = Scratch::new(garment);
-        let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
-        blend(garment, &rates, &mut scratch);
-        skin(garment, &pose, &mut scratch, &mut positions_m);
-
-        let mut plain = scratch.clone();
-        let mut plain_m = vec![Vec3::ZERO; garment.vertex_count()];
-        plain.blended_m.fill(0.0);
-        let Scratch { posed_from_rest, blended_m, corners, .. } = &mut plain;
-        Blend { garment, rates: &rates, blended_m }.with_simd(Scalar::new());
-        let skin = &garment.plan().skin;
-        Skin { skin, posed_from_rest, blended_m, corners, positions_m: &mut plain_m }.with_simd(Scalar::new());
-
-        let bits =
-            |positions_m: &[Vec3]| -> Vec<_> { positions_m.iter().map(|p| p.to_array().map(f32::to_bits)).collect() };
-        assert_eq!(bits(&positions_m), bits(&plain_m));
-        assert!(positions_m.iter().any(|position_m| *position_m != Vec3::ZERO));
+        let frame = |blend: &mut dyn FnMut(Blend), skin: &mut dyn FnMut(Skin), normals: &mut dyn FnMut(Normals)| {
+            let Scratch { mut blended_m, mut posed_from_rest, normals: mut work, .. } = Scratch::new(garment);
+            let mut positions_m = vec![Vec3::ZERO; garment.unique_count()];
+            let mut unit = positions_m.clone();
+            garment.data().skeleton.posed_from_rest(&pose, &mut posed_from_rest);
+            let Plan { skin: plan, normals: normals_plan, .. } = garment.plan();
+            blend(Blend { garment, rates: &rates, blended_m: &mut blended_m });
+            let (posed_from_rest, blended_m) = (&posed_from_rest, &blended_m);
+            skin(Skin { skin: plan, posed_from_rest, blended_m, positions_m: &mut positions_m });
+            normals(Normals { plan: normals_plan, positions_m: &positions_m, work: &mut work, normals: &mut unit });
+            positions_m.append(&mut unit);
+            positions_m.iter().map(|v| v.to_array().map(f32::to_bits)).collect::<Vec<_>>()
+        };
+        macro_rules! frame_by {
+            ($run:expr) => {
+                frame(&mut |step| $run(step), &mut |step| $run(step), &mut |step| $run(step))
+            };
+        }
+        let arch = Arch::new();
+        let best = frame_by!(|step| arch.dispatch(step));
+        let scalar = Scalar::new();
+        assert_eq!(best, frame_by!(|step| Simd::vectorize(scalar, step)), "scalar");
+        #[cfg(target_arch = "x86_64")]
+        if let Some(v3) = pulp::x86::V3::try_new() {
+            assert_eq!(best, frame_by!(|step| Simd::vectorize(v3, step)), "AVX2");
+        }
+        assert!(best.iter().any(|bits| *bits != [0; 3]));
     }
 }

@@ -1,10 +1,11 @@
 //! What an open pack holds: the kimono as plain arrays ([`GarmentData`]), and the same once its every index and number
 //! has been checked ([`Garment`]). Knows neither the bytes of a pack nor how a frame is made.
 
+use crate::clearance::{Proxy, Surfel};
 use crate::evaluate::Plan;
 use crate::pose_blend::Kernel;
 use crate::pose_blend::rbf::{ChainJoint, Rbf, Samples};
-use crate::skeleton::{Bone, Pose, Skeleton};
+use crate::skeleton::{Bone, Pose, Skeleton, SkeletonError};
 use glam::{Quat, Vec2, Vec3};
 use std::collections::BTreeSet;
 use std::f32::consts::PI;
@@ -36,6 +37,10 @@ pub mod limits {
     pub const RBF_WIDTH: f64 = 1e3;
     /// Largest coefficient of the default kernel, either sign.
     pub const RBF_COEFFICIENT: f64 = 1e9;
+    /// Most clearance proxies.
+    pub const PROXIES: usize = 16;
+    /// Most surfels of all clearance proxies together.
+    pub const SURFELS: usize = 1 << 16;
     /// Largest coordinate, and largest coordinate of a delta, metres.
     pub const EXTENT_M: f32 = 100.0;
     /// Largest texture coordinate.
@@ -172,6 +177,8 @@ pub struct GarmentData {
     pub rbf: Option<Rbf>,
     /// What was measured of the blending when the pack was built.
     pub certificate: Option<Certificate>,
+    /// What the cloth is kept out of; without them it is not.
+    pub proxies: Vec<Proxy>,
 }
 
 /// What a pack's blending promises between its samples, as measured when it was built. Rows are those of the pose
@@ -237,6 +244,7 @@ impl Garment {
         check_poses(&data)?;
         check_rbf(&data)?;
         check_certificate(&data)?;
+        check_proxies(&data)?;
         check_texts(&data)?;
         for rotation in &mut data.poses.rotations {
             // Only where needed: a second normalisation may change the last bit, and packs must come back as written.
@@ -300,7 +308,7 @@ pub enum InvalidGarment {
     /// The name of an element is empty, too long or not printable.
     #[error("the name of {what} {index} must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
     Name {
-        /// `part`, `driver` or `target`.
+        /// `part`, `driver`, `target` …
         what: &'static str,
         /// Its number.
         index: usize,
@@ -308,7 +316,7 @@ pub enum InvalidGarment {
     /// Two elements of one kind share a name.
     #[error("two {what}s are named {name:?}")]
     DuplicateName {
-        /// `part`, `driver` or `target`.
+        /// `part`, `driver`, `target` …
         what: &'static str,
         /// The name.
         name: String,
@@ -455,6 +463,17 @@ pub enum InvalidGarment {
     /// The certificate names a row that the pose table lacks.
     #[error("the certificate names row {0}, which the pose table lacks")]
     CertificateRow(u16),
+    /// The joints are no skeleton.
+    #[error(transparent)]
+    Skeleton(SkeletonError),
+    /// A clearance proxy breaks a rule.
+    #[error("clearance proxy {proxy}: {problem}")]
+    Proxy {
+        /// Number of the proxy.
+        proxy: usize,
+        /// The rule.
+        problem: &'static str,
+    },
     /// A bone of the pose table occurs twice or is not in the skeleton.
     #[error("bone {} of the pose table occurs twice or is not in the skeleton", .0.name())]
     PoseBone(Bone),
@@ -663,6 +682,39 @@ fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {
     }
 }
 
+fn check_proxies(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("clearance proxies", data.proxies.len(), 0, limits::PROXIES)?;
+    let surfels = data.proxies.iter().map(|proxy| proxy.surfels.len()).sum();
+    check_count("surfels of clearance proxies", surfels, 0, limits::SURFELS)?;
+    let (joints, unique) = (data.skeleton.joints().len(), data.mesh.positions_m.len());
+    for (i, proxy) in data.proxies.iter().enumerate() {
+        let fail = |problem| Err(InvalidGarment::Proxy { proxy: i, problem });
+        for Surfel { place_m, normal, radius_m, share, skin } in &proxy.surfels {
+            if !(place_m.is_finite() && place_m.abs().max_element() <= limits::EXTENT_M) {
+                return fail("its surfels must lie within 100 m");
+            }
+            if !(0.999..=1.001).contains(&normal.length_squared()) {
+                return fail("its normals must be unit vectors");
+            }
+            if !((1e-3..=1.0).contains(radius_m) && (1e-6..=1e3).contains(share)) {
+                return fail("its radii must be 1 mm to 1 m, its shares 1e-6 to 1e3");
+            }
+            let is_known = skin.joints.iter().all(|&joint| usize::from(joint) < joints);
+            if !is_known || skin.weights.iter().map(|&weight| u32::from(weight)).sum::<u32>() != u32::from(u16::MAX) {
+                return fail("its skin weights must name joints of the skeleton and sum to 65535");
+            }
+        }
+        let mut is_guarded = vec![false; unique];
+        for guarded in &proxy.guarded {
+            match is_guarded.get_mut(guarded.vertex as usize) {
+                Some(known @ false) => *known = true,
+                _ => return fail("it must guard unique vertices, each once"),
+            }
+        }
+    }
+    Ok(())
+}
+
 fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
     let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
     if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
@@ -671,6 +723,7 @@ fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
     if !is_name(&data.name) {
         return Err(InvalidGarment::GarmentName);
     }
+    check_names("clearance limb", data.proxies.iter().map(|proxy| proxy.name.as_str()))?;
     check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
     let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
     check_names("group", groups.map(|group| group.name.as_str()))?;

@@ -47,13 +47,47 @@
 //! # Ok(()) }
 //! ```
 //!
+//! A kimono with sizes fits itself to a wearer; the fitter is made once and shared, too.
+//!
+//! ```
+//! # #[cfg(feature = "fit")]
+//! # fn fit(pack: &kitsuke::Pack) -> Result<Vec<glam::Vec3>, Box<dyn std::error::Error>> {
+//! use kitsuke::fit::{Fitter, Scratch};
+//! use kitsuke::measurement::{Measurement, Measurements};
+//!
+//! let garment = pack.garment();
+//! let fitter = Fitter::new(garment, pack.fit_data()?.ok_or("a kimono of one size")?)?;
+//! let wearer = Measurements::default()
+//!     .with(Measurement::BodyHeight, 1.62)
+//!     .with(Measurement::BustGirth, 0.88)
+//!     .with(Measurement::HipGirth, 0.95);
+//! let fit = fitter.fit(&wearer, 0, &mut Scratch::default())?;
+//! println!("{}", fitter.explain(&fit, &wearer));
+//!
+//! let mut positions_m = vec![glam::Vec3::ZERO; garment.unique_count()];
+//! fitter.shape(&fit, &mut positions_m);
+//! # Ok(positions_m)
+//! # }
+//! ```
+//!
 //! The crate opens no file, starts no thread and reads no clock.
 
+pub mod clearance;
+#[cfg(feature = "fit")]
+pub mod envelope_cholesky;
 pub mod evaluate;
+#[cfg(feature = "fit")]
+pub mod fit;
 pub mod garment;
+#[cfg(feature = "fit")]
+pub mod measurement;
 pub mod pack;
 pub mod pose_blend;
 pub mod skeleton;
+#[cfg(feature = "fit")]
+pub mod sparse_cholesky;
+#[cfg(feature = "fit")]
+pub mod tailoring;
 
 pub use evaluate::{Frame, Scratch, evaluate, evaluate_with_rates};
 pub use garment::{Garment, InvalidGarment};

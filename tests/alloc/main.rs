@@ -1,7 +1,9 @@
 //! Tests of memory use, under a global allocator that counts per thread.
 
 mod frame;
+mod live;
 mod open;
+mod texture;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

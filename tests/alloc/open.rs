@@ -26,7 +26,7 @@ fn damaged_packs_stay_below_the_documented_memory() {
     }
 }
 
-/// The part of the bound that grows, without the constant.
+/// The part of the bound that grows, with a constant for tables of frequencies.
 #[test]
 fn good_packs_take_less_than_three_times_their_decoded_length() {
     let mut largest = 0;
@@ -34,11 +34,11 @@ fn good_packs_take_less_than_three_times_their_decoded_length() {
         let pack = write(&random::garment(seed));
         let (opened, usage) = super::usage(|| Pack::open(&pack));
         let opened = opened.expect("a sound pack");
-        let decoded: usize = opened.sections().iter().map(|section| section.decoded_length).sum();
-        assert!(usage.peak_bytes <= 3 * decoded as isize + 20_000, "seed {seed}: {decoded} bytes, {usage:?}");
+        let decoded: usize = opened.sections().iter().map(|section| section.unpacked_length).sum();
+        assert!(usage.peak_bytes <= 3 * decoded as isize + 100_000, "seed {seed}: {decoded} bytes, {usage:?}");
         largest = largest.max(decoded);
     }
-    assert!(largest > 100_000, "the constant must not decide: {largest}");
+    assert!(largest > 200_000, "the constant must not decide: {largest}");
 }
 
 /// As many small things as possible: in memory they are larger than in the pack, and the constant must cover that.
@@ -48,7 +48,7 @@ fn many_small_elements_stay_below_the_documented_memory() {
         let pack = write(&Garment::new(garment).expect("within the limits"));
         let (opened, usage) = super::usage(|| Pack::open(&pack));
         let opened = opened.expect("a sound pack");
-        let decoded: usize = opened.sections().iter().map(|section| section.decoded_length).sum();
+        let decoded: usize = opened.sections().iter().map(|section| section.unpacked_length).sum();
         assert!(usage.peak_bytes <= (3 * decoded + (2 << 20)) as isize, "{decoded} bytes, {usage:?}");
     }
 }

@@ -26,6 +26,7 @@ impl Place {
         let place = Place { folder: tempfile::tempdir().unwrap() };
         copy(&repository().join("assets-src/komon"), &place.assets().join("komon"));
         copy(&repository().join("assets-src/bodies"), &place.assets().join("bodies"));
+        copy(&repository().join("assets-src/rules"), &place.assets().join("rules"));
         place
     }
 
@@ -167,10 +168,10 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     let report = place.build(Mode::Write);
     let komon = &report.garments[0];
     assert_eq!(komon.reasons, ["komon/poses/13_right_elbow_90.obj changed"]);
-    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin"]);
+    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin", "weld"]);
     assert_eq!(
         runs(komon, Origin::Computed),
-        ["certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
+        ["certificate", "compress", "deltas right_elbow_90", "proxies", "regions", "verify", "write"]
     );
 }
 

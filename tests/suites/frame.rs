@@ -344,6 +344,7 @@ fn triangle() -> GarmentData {
         },
         rbf: None,
         certificate: None,
+        proxies: Vec::new(),
     }
 }
 

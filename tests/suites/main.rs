@@ -2,11 +2,21 @@
 
 mod blending;
 mod build;
+mod clearance;
+mod fit;
+mod fit_data;
 mod frame;
 mod garment;
+mod hostile;
+mod inputs;
 mod invariants;
+mod live;
 mod look;
 mod mistakes;
 mod motion;
 mod pack;
 mod skinning;
+mod tailoring;
+mod texture;
+mod transfer;
+mod weld;

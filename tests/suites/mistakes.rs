@@ -232,7 +232,7 @@ fn the_small_garment_is_sound() {
     let mut inputs = source::input_files(&place.garment()).unwrap();
     inputs.sort();
     assert_eq!(loaded.inputs, inputs, "both ways to read name the same inputs");
-    assert_eq!(inputs.len(), 12);
+    assert_eq!(inputs.len(), 16);
 }
 
 #[test]
@@ -276,6 +276,7 @@ fn exchanged_vertices_of_the_sample_are_found_and_creases_are_not() {
     let sources = tests_dir().join("../assets-src");
     copy_folder(&sources.join("komon"), &assets.path().join("komon"));
     copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
+    copy_folder(&sources.join("rules"), &assets.path().join("rules"));
     let mut place = Workplace { assets, id: "komon".to_owned() };
     assert_eq!(kitsuke_pipeline::load(&place.garment()).diagnostics, []);
     step(&mut place, "exchange | poses/05_right_down.obj | 5001 | 5002");

@@ -376,6 +376,7 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
         },
         rbf: None,
         certificate: None,
+        proxies: Vec::new(),
     })
     .unwrap();
     let mut rates = Rates::new(&garment);

@@ -1,12 +1,19 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
+use crate::compare_packs;
 use crate::places::{Places, in_workspace, write_whole};
 use glam::Vec3;
-use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
+use kitsuke::evaluate::{blend, bytes_touched, clear, normals, skin, twins};
+use kitsuke::fit::texture::{TextureScratch, Texturer};
+use kitsuke::fit::{self, FitData, Fitter, Transfer};
+use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::pack::layout;
 use kitsuke::skeleton::{Pose, bvh};
 use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, pose_blend};
+use kitsuke_pipeline::build_garment;
 use kitsuke_pipeline::catalog::{self, Mode, Options};
+use kitsuke_pipeline::memo::Memo;
+use kitsuke_pipeline::weld_quality::mixed;
 use serde_json::{Map, Value, json};
 use std::fs;
 use std::hint::black_box;
@@ -63,6 +70,7 @@ fn bench(args: &Args) -> Result<(), String> {
     note("frame_rates_us", json!(rounded(frames.median(|frame| frame.rates_us))));
     note("frame_blend_us", json!(rounded(frames.median(|frame| frame.blend_us))));
     note("frame_skin_us", json!(rounded(frames.median(|frame| frame.skin_us))));
+    note("frame_clear_us", json!(rounded(frames.median(|frame| frame.clear_us))));
     note("frame_normals_us", json!(rounded(frames.median(|frame| frame.normals_us))));
     note("dense_f32_blend_us", json!(rounded(dense_f32_blend_us(garment))));
     note("frame_active_targets_median", json!(frames.median(|frame| frame.active_targets) as u64));
@@ -77,11 +85,26 @@ fn bench(args: &Args) -> Result<(), String> {
     note("vertices", json!(garment.unique_count()));
     note("triangles", json!(garment.triangle_count()));
     note("targets", json!(garment.data().targets.len()));
+    if let Ok(fitter) = args.places.fitter(&pack) {
+        let (fit_us, shape_us) = fit_us(&fitter);
+        note("fit_us_median", json!(rounded(fit_us)));
+        note("fit_shape_us_median", json!(rounded(shape_us)));
+    }
     let (_, bytes) = args.places.read_pack(&args.garment)?;
     note("open_ms_median", json!(rounded(open_ms(&bytes))));
     note("pack_bytes", json!(bytes.len()));
     let targets = pack.sections().iter().find(|section| section.tag == layout::TGTS);
     note("pack_target_bytes", json!(targets.map_or(0, |section| section.stored_length)));
+    if let Some(fit) = pack.fit_data().map_err(|error| error.to_string())? {
+        note("uv_ms_median", json!(rounded(uv_ms(garment, &fit)?)));
+        note("tailor_ms_median", json!(rounded(tailor_ms(garment, &fit)?)));
+    }
+    if let Some(source) = args.places.source(&args.garment) {
+        let memo = Memo::new(&in_workspace("target/kitsuke-cache"));
+        let built = build_garment(&source, &memo, &|_| ()).map_err(|error| error.to_string())?;
+        let wanted_m = compare_packs::masked_deltas(&source, &built);
+        note("pack_target_max_mm", json!(compare_packs::target_max_mm(&built, &wanted_m)));
+    }
     let (clean_s, noop_s) = build_s(&args.places.assets)?;
     note("build_clean_s", json!(rounded(clean_s)));
     note("build_noop_ms", json!(rounded(noop_s * 1e3)));
@@ -102,6 +125,7 @@ struct FrameFigures {
     blend_us: f64,
     skin_us: f64,
     normals_us: f64,
+    clear_us: f64,
     active_targets: f64,
     bytes_touched: f64,
 }
@@ -124,7 +148,7 @@ fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
     let mut rates = Rates::new(garment);
     let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
     let mut unit_normals = positions_m.clone();
-    let mut times_us = vec![[const { Vec::new() }; 5]; poses.len()];
+    let mut times_us = vec![[const { Vec::new() }; 6]; poses.len()];
     for _ in 0..PASSES {
         for (pose, times_us) in poses.iter().zip(&mut times_us) {
             let frame = Frame { positions_m: &mut positions_m, normals: &mut unit_normals };
@@ -135,17 +159,18 @@ fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
                 .push(microseconds(|| pose_blend::rates(garment.kernel(), garment, black_box(pose), &mut rates)));
             times_us[2].push(microseconds(|| blend(garment, &rates, &mut scratch)));
             times_us[3].push(microseconds(|| skin(garment, pose, &mut scratch, &mut positions_m)));
-            times_us[4].push(microseconds(|| normals(garment, &mut scratch, &mut unit_normals)));
+            times_us[5].push(microseconds(|| clear(garment, pose, &mut scratch, &mut positions_m)));
+            times_us[4].push(microseconds(|| normals(garment, &positions_m, &mut scratch, &mut unit_normals)));
             twins(garment, Frame { positions_m: &mut positions_m, normals: &mut unit_normals });
         }
         black_box((&positions_m, &unit_normals));
     }
     let figures = poses.iter().zip(times_us).map(|(pose, times_us)| {
-        let [whole_us, rates_us, blend_us, skin_us, normals_us] = times_us.map(median);
+        let [whole_us, rates_us, blend_us, skin_us, normals_us, clear_us] = times_us.map(median);
         pose_blend::rates(garment.kernel(), garment, pose, &mut rates);
         let active_targets = (0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count() as f64;
         let bytes_touched = bytes_touched(garment, &rates) as f64;
-        FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, active_targets, bytes_touched }
+        FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, clear_us, active_targets, bytes_touched }
     });
     Frames(figures.collect())
 }
@@ -231,6 +256,33 @@ fn open_ms(pack: &[u8]) -> f64 {
     median(times_us.collect()) / 1e3
 }
 
+/// Correcting the texture of a kimono between all its sizes.
+fn uv_ms(garment: &Garment, fit: &FitData) -> Result<f64, String> {
+    let texturer = Texturer::new(&garment.data().mesh, fit).map_err(|error| error.to_string())?;
+    let weights = vec![1.0 / (fit.size_count() + 1) as f32; fit.fields.len()];
+    let positions_m = mixed(garment, fit, &weights);
+    let mut scratch = TextureScratch::new(&texturer);
+    let mut uv = garment.data().mesh.uv.clone();
+    let times_us = (0..REPEATS).map(|_| {
+        microseconds(|| {
+            texturer.correct(black_box(&positions_m), &weights, &mut scratch, &mut uv);
+            black_box(&mut uv);
+        })
+    });
+    Ok(median(times_us.collect()) / 1e3)
+}
+
+/// Transferring all pose targets to a kimono between all its sizes.
+fn tailor_ms(garment: &Garment, fit: &FitData) -> Result<f64, String> {
+    let transfer = Transfer::new(garment).map_err(|error| error.to_string())?;
+    let share = 1.0 / fit.bodies.len() as f32;
+    let positions_m = mixed(garment, fit, &vec![share; fit.fields.len()]);
+    let joints_m = fit.joints_m(&vec![share; fit.bodies.len()]);
+    let times_us = (0..REPEATS)
+        .map(|_| microseconds(|| black_box(transfer.tailored(garment, black_box(&positions_m), &joints_m).is_ok())));
+    Ok(median(times_us.collect()) / 1e3)
+}
+
 /// Builds the whole catalog twice into an empty folder: everything, then nothing.
 fn build_s(assets: &Path) -> Result<(f64, f64), String> {
     let folder = std::env::temp_dir().join(format!("kitsuke-bench-{}", std::process::id()));
@@ -256,6 +308,36 @@ fn build_s(assets: &Path) -> Result<(f64, f64), String> {
     // Nothing was built where the folder is missing.
     let _ = fs::remove_dir_all(&folder);
     times
+}
+
+/// Medians of a fit and of making its shape, over wearers between and beyond the bodies for which the kimono exists.
+fn fit_us(fitter: &Fitter) -> (f64, f64) {
+    let bodies = &fitter.data().bodies;
+    let mut wearers = Vec::new();
+    for (i, a) in bodies.iter().enumerate() {
+        for b in &bodies[..i] {
+            wearers.extend([-0.25, 0.3, 0.5, 0.8].map(|share| between(&a.measurements, &b.measurements, share)));
+        }
+    }
+    let mut scratch = fit::Scratch::default();
+    let mut positions_m = Vec::new();
+    let (mut fit_us, mut shape_us) = (Vec::new(), Vec::new());
+    for wearer in &wearers {
+        let mut fit = None;
+        fit_us.push(microseconds(|| fit = fitter.fit(black_box(wearer), 0, &mut scratch).ok()));
+        let Some(fit) = fit else { continue };
+        positions_m.resize(fitter.data().fields[0].deltas.len(), Vec3::ZERO);
+        shape_us.push(microseconds(|| fitter.shape(&fit, &mut positions_m)));
+        black_box(&positions_m);
+    }
+    (median(fit_us), median(shape_us))
+}
+
+/// A body between two, or beyond the first where `share` is negative.
+fn between(a: &Measurements, b: &Measurements, share: f32) -> Measurements {
+    let known = |m| Some((m, a.get(m)? + share * (b.get(m)? - a.get(m)?)));
+    let known = Measurement::ALL.into_iter().filter_map(known);
+    known.fold(Measurements::default(), |body, (measurement, value_m)| body.with(measurement, value_m))
 }
 
 fn microseconds<T>(run: impl FnOnce() -> T) -> f64 {

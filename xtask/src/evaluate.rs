@@ -2,14 +2,15 @@
 
 use crate::places::{Places, write_whole};
 use crate::shots::{self, KernelName};
+use crate::wearers;
 use clap::ValueEnum;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
 use kitsuke_pipeline::frames::{Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj};
 use kitsuke_pipeline::ir;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Write frames of a kimono as OBJ or NPY
@@ -29,6 +30,16 @@ pub struct Args {
     /// Apply the recorded translation of the hips
     #[arg(long)]
     root_motion: bool,
+    /// Fit the kimono to the Nth body of a table, from 1: CSV, TOML, ANSUR II, FreeSewing JSON or Seamly .smis
+    #[arg(long, value_name = "FILE#N")]
+    body: Option<String>,
+    /// The rule set of the fit [default: the kimono's own]
+    #[arg(long, value_name = "NAME", requires = "body")]
+    rules: Option<String>,
+    /// Also write uv.npy, float32 [vertices, 2]: the texture coordinates of the base file's vertices in its order, then of their twins
+    /// at texture seams; with --body those corrected for the fitted shape
+    #[arg(long)]
+    uv: bool,
     /// How poses become blend rates [default: the garment's own kernel]
     #[arg(long)]
     kernel: Option<KernelName>,
@@ -42,8 +53,8 @@ struct Frames {
     /// Rotations from a pose table; its `file` entries need not exist
     #[arg(long, value_name = "FILE.csv")]
     poses: Option<PathBuf>,
-    /// A recorded motion
-    #[arg(long, value_name = "FILE.bvh")]
+    /// A recorded motion: BVH, .vrma, MediaPipe or DeepMimic JSON, Kinect CSV, or JSON Lines of `play --record`
+    #[arg(long, value_name = "FILE")]
     motion: Option<PathBuf>,
     /// The garment's own pose table, each row with only its own target at full rate, the base first
     #[arg(long)]
@@ -69,9 +80,13 @@ pub fn run(args: Args) -> ExitCode {
 
 fn evaluate(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
-    let garment = pack.garment();
+    let fitted = args.body.as_ref().map(|body| wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref()));
+    let fitted = fitted.transpose()?;
+    let garment = fitted.as_ref().map_or(pack.garment(), |fitted| &fitted.garment);
     let kernel = KernelName::of(args.kernel, garment)?;
-    let source = if args.frames.motion.is_none() { args.places.source(&garment.data().id) } else { None };
+    // Files show the kimono on the body of the base.
+    let has_files = args.frames.motion.is_none() && fitted.is_none();
+    let source = if has_files { args.places.source(&garment.data().id) } else { None };
     // Each shot with the positions of the file that it stands for, if it stands for one.
     let mut wanted_m: Vec<Option<&[Vec3]>> = Vec::new();
     let shots: Vec<Shot> = match (&args.frames.poses, &args.frames.motion) {
@@ -94,6 +109,9 @@ fn evaluate(args: &Args) -> Result<(), String> {
     if shots.is_empty() {
         return Err("there is no frame to write".into());
     }
+    if args.uv {
+        write_uv(garment, &args.out)?;
+    }
     let mut stage = Stage::new(garment);
     match args.format {
         Format::Npy => write_whole(&args.out.join("positions.npy"), |out| {
@@ -112,6 +130,23 @@ fn evaluate(args: &Args) -> Result<(), String> {
     // A reader such as `head` may have gone.
     _ = std::io::stdout().write_all(distances(garment, &shots, &wanted_m).as_bytes());
     Ok(())
+}
+
+fn write_uv(garment: &Garment, folder: &Path) -> Result<(), String> {
+    let mesh = &garment.data().mesh;
+    if mesh.uv.is_empty() {
+        return Err("this kimono has no texture coordinates".into());
+    }
+    let (unique, twins) = mesh.uv.split_at(garment.unique_count());
+    let mut ordered = vec![Vec2::ZERO; unique.len()];
+    for (&source, &uv) in mesh.source_vertex.iter().zip(unique) {
+        ordered[source as usize] = uv;
+    }
+    ordered.extend(twins);
+    write_whole(&folder.join("uv.npy"), |out| {
+        out.write_all(&npy_header(&[ordered.len(), 2]))?;
+        ordered.iter().flat_map(|uv| uv.to_array()).try_for_each(|value| out.write_all(&value.to_le_bytes()))
+    })
 }
 
 /// The positions of a pose table's `file`, by its name in the garment's own table.

@@ -78,15 +78,15 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
     line!(text, "pack", "{} \"{}\", format {major}.{minor}, {bytes} bytes", data.id, data.name);
     let (unique, twins) = (garment.unique_count(), data.mesh.twin_of.len());
     line!(text, "mesh", "{unique} vertices, {twins} seam twins, {} triangles", garment.triangle_count());
-    text.push_str("\nsection       stored    decoded  ratio\n");
+    text.push_str("\nsection       stored   unpacked  ratio\n");
     for section in pack.sections() {
-        let ratio = section.decoded_length as f64 / section.stored_length.max(1) as f64;
+        let ratio = section.unpacked_length as f64 / section.stored_length.max(1) as f64;
         line!(
             text,
             section.tag.to_string(),
             "{:>7} {:>10} {ratio:>6.2}",
             section.stored_length,
-            section.decoded_length
+            section.unpacked_length
         );
     }
     text.push_str("\ndriver           threshold  joints\n");

@@ -1,7 +1,8 @@
-//! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen.
+//! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen, and each way of fitting a size.
 
 use crate::places::Places;
 use kitsuke_pipeline::leave_one_out::{Error, Method, errors};
+use kitsuke_pipeline::size_errors::{self, SizeError};
 use std::process::ExitCode;
 
 /// Compare kernels by the error of each target when its row is left out of the pose table
@@ -12,13 +13,16 @@ pub struct Args {
     /// Every target, not only the means
     #[arg(long)]
     targets: bool,
+    /// Size targets instead: each predicted from the others for its own body, and each fitted to its own body with all
+    #[arg(long)]
+    sizes: bool,
     #[command(flatten)]
     places: Places,
 }
 
 /// Prints the table; 1 when there is no pack.
 pub fn run(args: Args) -> ExitCode {
-    match table(&args) {
+    match if args.sizes { sizes(&args) } else { table(&args) } {
         Ok(text) => {
             print!("{text}");
             ExitCode::SUCCESS
@@ -41,6 +45,34 @@ fn table(args: &Args) -> Result<String, String> {
         }
     }
     Ok(text)
+}
+
+/// How far fits lie from the size targets, and from the dimensions that the rules want.
+fn sizes(args: &Args) -> Result<String, String> {
+    let pack = args.places.open(&args.id)?;
+    let (garment, fitter) = (pack.garment(), args.places.fitter(&pack)?);
+    let head = |title| format!("{title:24} {:>10} {:>14} {:>14}\n", "mean, mm", "of wanted, %", "of target, %");
+    let own = size_errors::on_own_bodies(garment, fitter.data()).map_err(|error| error.to_string())?;
+    let mut text = head("on its own body") + &size_lines("fit", &own, true) + "\n" + &head("left out");
+    for method in size_errors::Method::ALL {
+        let errors = size_errors::left_out(garment, fitter.data(), method).map_err(|error| error.to_string())?;
+        text += &size_lines(method.name(), &errors, args.targets);
+    }
+    Ok(text)
+}
+
+/// Means over the bodies, then each body.
+fn size_lines(name: &str, errors: &[SizeError], is_each: bool) -> String {
+    let line = |name: &str, mm: f64, of_wanted: f64, of_target: f64| {
+        format!("{name:24} {mm:10.2} {:14.3} {:14.3}\n", 100.0 * of_wanted, 100.0 * of_target)
+    };
+    let mean = |of: fn(&SizeError) -> f64| errors.iter().map(of).sum::<f64>() / errors.len().max(1) as f64;
+    let mut text =
+        line(name, mean(|error| error.mean_mm), mean(|error| error.of_wanted), mean(|error| error.of_target));
+    for error in errors.iter().filter(|_| is_each) {
+        text += &line(&format!("  {}", error.body), error.mean_mm, error.of_wanted, error.of_target);
+    }
+    text
 }
 
 /// Means over the targets, and the largest error of all.

@@ -1,18 +1,27 @@
 //! `cargo xtask <verb>`: one file per verb.
 
+mod audit;
 mod bench;
 mod build_catalog;
 mod check;
 mod ci;
+mod compare_packs;
 mod evaluate;
+mod fit;
 mod inspect;
 mod leave_one_out;
 mod new;
 mod places;
+mod play;
 mod preview;
+mod replay;
 mod schema;
 mod shots;
 mod skinning;
+mod tailor;
+mod texture;
+mod wearers;
+mod weld;
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -21,31 +30,47 @@ use std::process::ExitCode;
 #[derive(clap::Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
+    Audit(audit::Args),
     Bench(bench::Args),
     BuildCatalog(build_catalog::Args),
     Check(check::Args),
     Ci(ci::Args),
+    ComparePacks(compare_packs::Args),
     Evaluate(evaluate::Args),
+    Fit(fit::Args),
     Inspect(inspect::Args),
     LeaveOneOut(leave_one_out::Args),
     New(new::Args),
+    Play(play::Args),
     Preview(preview::Args),
+    Replay(replay::Args),
     Schema(schema::Args),
     Skinning(skinning::Args),
+    Tailor(tailor::Args),
+    Texture(texture::Args),
+    Weld(weld::Args),
 }
 
 fn main() -> ExitCode {
     match Verb::parse() {
+        Verb::Audit(args) => audit::run(args),
         Verb::Bench(args) => bench::run(args),
         Verb::BuildCatalog(args) => build_catalog::run(args),
         Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),
+        Verb::ComparePacks(args) => compare_packs::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Fit(args) => fit::run(args),
         Verb::Inspect(args) => inspect::run(args),
         Verb::LeaveOneOut(args) => leave_one_out::run(args),
         Verb::New(args) => new::run(args),
+        Verb::Play(args) => play::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Replay(args) => replay::run(args),
         Verb::Schema(args) => schema::run(args),
         Verb::Skinning(args) => skinning::run(args),
+        Verb::Tailor(args) => tailor::run(args),
+        Verb::Texture(args) => texture::run(args),
+        Verb::Weld(args) => weld::run(args),
     }
 }

@@ -1,6 +1,7 @@
 //! Where packs, sources and outputs lie: what the verbs that show and measure share.
 
 use kitsuke::Pack;
+use kitsuke::fit::Fitter;
 use kitsuke_pipeline::catalog::CatalogError;
 use kitsuke_pipeline::{catalog, ir};
 use std::fs;
@@ -30,6 +31,17 @@ impl Places {
     pub fn open(&self, id_or_path: &str) -> Result<Pack, String> {
         let (path, bytes) = self.read_pack(id_or_path)?;
         Pack::open(&bytes).map_err(|error| format!("{} cannot be opened: {error}", path.display()))
+    }
+
+    /// What fits an open pack's kimono, by the rule sets of the pack.
+    pub fn fitter(&self, pack: &Pack) -> Result<Fitter, String> {
+        let data = pack.fit_data().map_err(|error| error.to_string())?;
+        let Some(data) = data else {
+            return Err(
+                "this kimono has no sizes, so it cannot be fitted: give it a size table (garment.toml, sizes)".into()
+            );
+        };
+        Fitter::new(pack.garment(), data).map_err(|error| error.to_string())
     }
 
     /// The path and the bytes of the pack of an ID, or of the pack at a path.

@@ -2,12 +2,13 @@
 
 use crate::places::{Places, write_whole};
 use crate::shots::{self, KernelName};
+use crate::wearers;
 use clap::ValueEnum;
 use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::scene::{Colours, Figure, Framing, Scene, View};
 use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Draw a contact sheet per kimono: base and targets from front, side and back, as one PNG
@@ -20,7 +21,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Draw frames of a recorded motion, evenly spaced, instead of the targets
-    #[arg(long, value_name = "FILE.bvh")]
+    #[arg(long, value_name = "FILE")]
     motion: Option<PathBuf>,
     /// Draw the rows of a pose table, blended by the kernel, instead of the targets
     #[arg(long, value_name = "FILE.csv", conflicts_with = "motion")]
@@ -37,6 +38,12 @@ pub struct Args {
     /// From where
     #[arg(long, value_delimiter = ',', default_values = ["front", "side", "back"])]
     views: Vec<ViewName>,
+    /// Fit the kimono to the Nth body of a table, from 1, and draw it without the wearer
+    #[arg(long, value_name = "FILE#N")]
+    body: Option<String>,
+    /// The rule set of the fit [default: the kimono's own]
+    #[arg(long, value_name = "NAME", requires = "body")]
+    rules: Option<String>,
     /// What the colours of the cloth say
     #[arg(long, default_value = "cloth")]
     colours: ColoursName,
@@ -96,10 +103,16 @@ pub fn run(args: Args) -> ExitCode {
 
 fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let pack = args.places.open(id_or_path)?;
-    let garment = pack.garment();
+    let fitted = args.body.as_ref();
+    let fitted = fitted.map(|body| wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())).transpose()?;
+    let garment = fitted.as_ref().map_or(pack.garment(), |fitted| &fitted.garment);
     let id = &garment.data().id;
     let source = args.places.source(id);
-    let scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
+    let mut scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
+    if fitted.is_some() {
+        // Body and obi of the source are another wearer's.
+        scene = scene.unworn();
+    }
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {
         (Some(motion), _) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
@@ -137,7 +150,13 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let shown = args.motion.as_deref().or(args.poses.as_deref());
     let motion = shown.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let kind = if args.colours == ColoursName::Cloth { None } else { args.colours.to_possible_value() };
-    let name = [Some(id.clone()), motion.map(Into::into), kind.map(|kind| kind.get_name().to_owned())];
+    let body = args.body.as_deref().and_then(|body| Path::new(body).file_name()).map(|name| name.to_string_lossy());
+    let name = [
+        Some(id.clone()),
+        body.map(|body| body.replace('#', "_")),
+        motion.map(Into::into),
+        kind.map(|kind| kind.get_name().to_owned()),
+    ];
     let path = dir.join(format!("{}.png", name.into_iter().flatten().collect::<Vec<String>>().join("_")));
     write_whole(&path, |out| out.write_all(&png))?;
     println!("{}: {} shapes, {} kB", path.display(), cells.len(), png.len() / 1000);

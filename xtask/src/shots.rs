@@ -3,8 +3,8 @@
 use glam::Vec3;
 use kitsuke::Garment;
 use kitsuke::pose_blend::Kernel;
-use kitsuke::skeleton::Pose;
-use kitsuke::skeleton::bvh::{self, Motion, Reference};
+use kitsuke::skeleton::recording::{self, Recording};
+use kitsuke::skeleton::{Pose, Skeleton};
 use kitsuke_pipeline::diagnostic::{Diagnostic, Place};
 use kitsuke_pipeline::frames::{Blend, Shot};
 use kitsuke_pipeline::source::tables;
@@ -13,8 +13,6 @@ use std::path::Path;
 
 /// Longest table or recording that is read, bytes.
 const FILE_BYTES: u64 = 256 << 20;
-/// So many joints of a recording are named in a note.
-const SHOWN_JOINTS: usize = 12;
 
 /// A row of a pose table.
 pub struct Row {
@@ -39,32 +37,19 @@ pub fn pose_table(path: &Path, kernel: Kernel) -> Result<Vec<Row>, String> {
 /// The frames of a recorded motion on the garment's wearer, blended by this kernel; the hips stay in place
 /// unless `root_motion`.
 pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, root_motion: bool) -> Result<Vec<Shot>, String> {
-    let recording =
-        bvh::read(&read(path)?, &garment.data().skeleton).map_err(|e| format!("{}: {e}", path.display()))?;
-    note(path, &recording);
+    let recording = recording(path, &garment.data().skeleton)?;
     let still = |pose: Pose| if root_motion { pose } else { Pose { hips_translation_m: Vec3::ZERO, ..pose } };
     let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Kernel(kernel) };
-    Ok(recording.poses.into_iter().enumerate().map(shot).collect())
+    Ok(recording.frames.into_iter().map(|frame| frame.pose).enumerate().map(shot).collect())
 }
 
-/// Says how a recording was understood, so that a wrong guess is seen.
-fn note(path: &Path, recording: &Motion) {
-    let t_pose = match recording.reference {
-        Reference::Offsets => "its OFFSETs",
-        Reference::FirstFrame => "its first frame",
-        Reference::OffsetsTurned => "its OFFSETs with the arms turned sideways",
-    };
-    let scale = match recording.metres_per_unit {
-        Some(metres) => format!("one unit is {metres:.5} m by the length of the legs"),
-        None => "it has no legs, so the hips stay in their place".to_owned(),
-    };
-    eprintln!("note: {}: the T-pose is {t_pose}; {scale}", path.display());
-    let unmapped = &recording.unmapped;
-    if !unmapped.is_empty() {
-        let (shown, more) = unmapped.split_at(unmapped.len().min(SHOWN_JOINTS));
-        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
-        eprintln!("note: joints that are no bone of the wearer: {}{more}", shown.join(", "));
+/// Reads a recorded motion of any known format, and says how it was understood, so that a wrong guess is seen.
+pub fn recording(path: &Path, wearer: &Skeleton) -> Result<Recording, String> {
+    let recording = recording::read(&read(path)?, wearer).map_err(|error| format!("{}: {error}", path.display()))?;
+    for note in &recording.notes {
+        eprintln!("note: {}: {note}", path.display());
     }
+    Ok(recording)
 }
 
 /// All bytes of a file of reasonable length.

@@ -1,5 +1,5 @@
-//! Whether a target is the base in another pose: the same vertices in the same order, unit and axes. The geometric
-//! tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
+//! Whether a shape is the base in another pose or size: the same vertices in the same order, unit and axes. The
+//! geometric tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
 
 use super::{NamedMesh, exchange, grouped};
 use crate::diagnostic::{Diagnostic, Place};
@@ -76,34 +76,52 @@ pub(super) fn check(
     positions_m: &[Vec3],
     report: &mut Vec<Diagnostic>,
 ) -> bool {
-    let found = differing_count(base, positions_m)
+    let found = other_cloth(base, target, positions_m).or_else(|| displaced(base, positions_m));
+    report_found(found, target, report)
+}
+
+/// Reports why the shape is not the base in another size; true when it is.
+pub(super) fn check_size(
+    base: &Reference<'_>,
+    shape: NamedMesh<'_>,
+    positions_m: &[Vec3],
+    report: &mut Vec<Diagnostic>,
+) -> bool {
+    report_found(other_cloth(base, shape, positions_m), shape, report)
+}
+
+/// Why the vertices are not those of the base.
+fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+    differing_count(base, positions_m)
         .or_else(|| wrong_unit(base, positions_m))
         .or_else(|| wrong_axes(base, positions_m))
         .or_else(|| differing_faces(base, target.mesh))
         .or_else(|| wrong_order(base, positions_m))
-        .or_else(|| displaced(base, positions_m));
+}
+
+fn report_found(found: Option<Mistake>, target: NamedMesh<'_>, report: &mut Vec<Diagnostic>) -> bool {
     let Some(Mistake { code, place, problem, help }) = found else { return true };
     report.push(Diagnostic::error(code, target.file, place).problem(problem).help(help));
     false
 }
 
-/// Reports targets whose shape is that of the base or of another target, to the last digit.
+/// Reports shapes, each with its file, that are the base or another of them to the last digit, though `other` (pose or body)
+/// differs.
 pub(super) fn check_copies(
     folder: &Folder,
     base: &ir::Surface,
-    targets: &[ir::TargetShape],
+    shapes: &[(&str, &[Vec3])],
+    other: &str,
     report: &mut Vec<Diagnostic>,
 ) {
-    for (i, target) in targets.iter().enumerate() {
-        let earlier = targets[..i].iter().map(|other| (&other.file, &other.positions_m));
-        let base = std::iter::once((&target.file, &base.positions_m));
-        let mut same = base.zip([true]).chain(earlier.zip(std::iter::repeat(false)));
-        if let Some(((file, _), is_base)) = same.find(|((_, positions_m), _)| **positions_m == target.positions_m) {
-            let other = if is_base { "the base" } else { file.as_str() };
+    for (i, (file, positions_m)) in shapes.iter().enumerate() {
+        let base = ("the base", &base.positions_m[..]);
+        let mut known = std::iter::once(&base).chain(&shapes[..i]);
+        if let Some((same, _)) = known.find(|(_, known_m)| known_m == positions_m) {
             report.push(
-                Diagnostic::error("same-shape", folder.name_of(&target.file).unwrap_or_default(), Place::File)
-                    .problem(format!("the shape is that of {other} to the last digit, though the pose is another"))
-                    .help("Export this pose again; probably one file was saved twice."),
+                Diagnostic::error("same-shape", folder.name_of(file).unwrap_or_default(), Place::File)
+                    .problem(format!("the shape is that of {same} to the last digit, though the {other} is another"))
+                    .help(format!("Export this {other} again; probably one file was saved twice.")),
             );
         }
     }

@@ -9,6 +9,22 @@ use std::path::{Path, PathBuf};
 /// Longest file that is read, bytes.
 pub const FILE_BYTES: u64 = 256 << 20;
 
+/// The bytes of a file that is not longer than `most`.
+///
+/// # Errors
+/// It cannot be read, is no file or is longer.
+pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("it is no file"));
+    }
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(io::Error::other(format!("it is longer than {} MB", most >> 20)));
+    }
+    Ok(bytes)
+}
+
 /// A garment's folder inside its assets folder.
 #[derive(Clone, Debug)]
 pub struct Folder {
@@ -96,15 +112,7 @@ impl Folder {
         if !path.canonicalize()?.starts_with(self.root.canonicalize()?) {
             return Err(io::Error::other("it is a link out of the assets folder"));
         }
-        if !fs::metadata(&path)?.is_file() {
-            return Err(io::Error::other("it is no file"));
-        }
-        let mut bytes = Vec::new();
-        fs::File::open(&path)?.take(FILE_BYTES + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > FILE_BYTES {
-            return Err(io::Error::other(format!("it is longer than {} MB", FILE_BYTES >> 20)));
-        }
-        Ok(bytes)
+        read_at_most(&path, FILE_BYTES)
     }
 
     /// Other garment folders whose names differ from this one's only by upper and lower case.

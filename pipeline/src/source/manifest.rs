@@ -52,6 +52,12 @@ pub struct Manifest {
     pub poses: Option<Field<String>>,
     /// The tailoring dimensions as paths along edges of the base, a TOML file.
     pub paths: Option<Field<String>>,
+    /// The sizes, a CSV file: one row per body for which the kimono exists in the T-pose (file, body, measurements, joints); the first
+    /// row is the base.
+    pub sizes: Option<Field<String>>,
+    /// The rule sets by which the sizes are fitted to wearers, files `rules/NAME.toml` beside the garment's folder; the first is the
+    /// kimono's own.
+    pub rules: Option<Vec<Field<String>>>,
     /// `auto` (the default): regions grow from where the targets differ; `painted`: the drivers' masks, as they are.
     pub regions: Option<Field<RegionSource>>,
     /// The joints that choose among the targets, each with the region of the kimono that it moves.
@@ -238,12 +244,15 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         body,
         poses,
         paths,
+        sizes,
+        rules,
         regions,
         drivers,
     } = &manifest;
-    for text in [name, base, texture, obi, body, poses, paths].into_iter().flatten() {
+    for text in [name, base, texture, obi, body, poses, paths, sizes].into_iter().flatten() {
         report_wrong(file, text, report);
     }
+    rules.iter().flatten().for_each(|field| report_wrong(file, field, report));
     unit.iter().for_each(|field| report_wrong(file, field, report));
     up.iter().for_each(|field| report_wrong(file, field, report));
     [budget, speed_budget, unseen_budget].into_iter().flatten().for_each(|field| report_wrong(file, field, report));

@@ -2,11 +2,16 @@
 //! everything; `input_files` only finds out which bytes a garment depends on. Knows no check of one file against another.
 
 pub mod body;
+mod delimited;
 pub mod folder;
+pub mod formula;
 pub mod manifest;
 pub mod masks;
+pub mod measurements;
 pub mod obj;
 pub mod paths;
+pub mod rules;
+pub mod sizes;
 pub mod tables;
 pub mod units;
 
@@ -14,8 +19,10 @@ use crate::diagnostic::{self, Diagnostic, Place, Severity};
 use crate::ir;
 use folder::Folder;
 pub use folder::InputFile;
+use kitsuke::tailoring::RuleSet;
 use manifest::{Field, Manifest};
 use rayon::prelude::*;
+use sizes::SizeTable;
 use std::collections::BTreeMap;
 use std::path::Path;
 use tables::PoseTable;
@@ -30,7 +37,9 @@ pub struct Source {
     pub manifest: Manifest,
     /// The pose table.
     pub poses: Option<PoseTable>,
-    /// Meshes by file name: base, targets, obi.
+    /// The size table.
+    pub sizes: Option<SizeTable>,
+    /// Meshes by file name: base, targets, sizes, obi.
     pub meshes: BTreeMap<String, obj::Mesh>,
     /// Masks by file name.
     pub masks: BTreeMap<String, masks::Mask>,
@@ -38,6 +47,8 @@ pub struct Source {
     pub body: Option<ir::Body>,
     /// The measured paths.
     pub paths: Option<paths::Paths>,
+    /// Rule sets by file name.
+    pub rules: BTreeMap<String, RuleSet>,
     /// The texture's bytes.
     pub texture_png: Option<Vec<u8>>,
 }
@@ -49,6 +60,7 @@ enum Role {
     Body,
     Mask,
     Paths,
+    Rules,
     Texture,
 }
 
@@ -61,10 +73,10 @@ struct Reference {
     place: Place,
 }
 
-/// Hashes every file that the garment uses, reading only manifest and pose table.
+/// Hashes every file that the garment uses, reading only the manifest and its tables.
 ///
 /// # Errors
-/// What is wrong with these two, or which file cannot be read.
+/// What is wrong with these, or which file cannot be read.
 pub fn input_files(garment_dir: &Path) -> Result<Vec<InputFile>, Vec<Diagnostic>> {
     let mut report = Vec::new();
     let Some((folder, head)) = read_head(garment_dir, &mut report) else { return Err(diagnostic::sorted(report)) };
@@ -125,10 +137,11 @@ fn utf8<'a>(file: &str, bytes: &'a [u8], report: &mut Vec<Diagnostic>) -> Option
     }
 }
 
-/// Manifest and pose table, and the files that they name.
+/// The manifest and its tables, and the files that they name.
 struct Head {
     manifest: Manifest,
     poses: Option<PoseTable>,
+    sizes: Option<SizeTable>,
     references: Vec<Reference>,
     inputs: Vec<InputFile>,
 }
@@ -152,40 +165,43 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
     let manifest = manifest::read(&manifest_file, &bytes, report)?;
     let mut cite = Citations { folder: &folder, manifest_file: &manifest_file, references: Vec::new(), report };
     let poses_name = cite.resolve(manifest.poses.as_ref());
+    let sizes_name = cite.resolve(manifest.sizes.as_ref());
     cite.add(manifest.base.as_ref(), Role::Mesh);
     cite.add(manifest.obi.as_ref(), Role::Mesh);
     cite.add(manifest.body.as_ref(), Role::Body);
     cite.add(manifest.paths.as_ref(), Role::Paths);
     cite.add(manifest.texture.as_ref(), Role::Texture);
+    cite.add_rules(manifest.rules.as_deref().unwrap_or_default());
     for driver in &manifest.drivers {
         cite.add(driver.mask.as_ref(), Role::Mask);
     }
     let mut references = cite.references;
-    let mut poses = None;
-    if let Some((name, place)) = poses_name {
-        match folder.read(&name) {
-            Ok(bytes) => {
-                inputs.push(InputFile { path: name.clone(), blake3: folder::hash(&bytes) });
-                poses = tables::read(&name, &bytes, report);
-            }
-            Err(error) => report.push(missing_file(&folder, &name, &manifest_file, &place, &error)),
-        }
-        // Row 0 is the base, which the manifest has named.
-        for row in poses.iter().flat_map(|table| table.rows.iter().skip(1)) {
-            let place = Place::Line(row.line);
-            match folder.name_of(&row.file) {
-                Ok(target) => {
-                    references.push(Reference { name: target, role: Role::Mesh, cited_in: name.clone(), place })
-                }
-                Err(problem) => report.push(
-                    Diagnostic::error("path", &name, place)
-                        .problem(problem)
-                        .help("Name a file inside the assets folder, relative to the garment folder, with `/`."),
-                ),
-            }
+    let mut table = |name: &Option<(String, Place)>, report: &mut Vec<Diagnostic>| {
+        let (name, place) = name.as_ref()?;
+        let bytes = folder.read(name);
+        let bytes =
+            bytes.map_err(|error| report.push(missing_file(&folder, name, &manifest_file, place, &error))).ok()?;
+        inputs.push(InputFile { path: name.clone(), blake3: folder::hash(&bytes) });
+        Some((name.clone(), bytes))
+    };
+    let poses = table(&poses_name, report).and_then(|(name, bytes)| tables::read(&name, &bytes, report));
+    let sizes = table(&sizes_name, report).and_then(|(name, bytes)| sizes::read(&name, &bytes, report));
+    // Row 0 is the base, which the manifest has named.
+    let targets =
+        poses.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&poses_name, row.line, &row.file));
+    let shapes = sizes.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&sizes_name, row.line, &row.file));
+    for (table, line, file) in targets.chain(shapes) {
+        let (place, cited_in) = (Place::Line(line), table.as_ref().map(|(name, _)| name.clone()).unwrap_or_default());
+        match folder.name_of(file) {
+            Ok(name) => references.push(Reference { name, role: Role::Mesh, cited_in, place }),
+            Err(problem) => report.push(
+                Diagnostic::error("path", cited_in, place)
+                    .problem(problem)
+                    .help("Name a file inside the assets folder, relative to the garment folder, with `/`."),
+            ),
         }
     }
-    Some((folder, Head { manifest, poses, references, inputs }))
+    Some((folder, Head { manifest, poses, sizes, references, inputs }))
 }
 
 /// Collects the files that the manifest names.
@@ -215,6 +231,39 @@ impl Citations<'_> {
     fn add(&mut self, field: Option<&Field<String>>, role: Role) {
         if let Some((name, place)) = self.resolve(field) {
             self.references.push(Reference { name, role, cited_in: self.manifest_file.to_owned(), place });
+        }
+    }
+
+    /// Rule sets go by their names, not by paths.
+    fn add_rules(&mut self, names: &[Field<String>]) {
+        // A folder that cannot be read has no rules.
+        let known = match names {
+            [] => Vec::new(),
+            _ => rules::names(&self.folder.root().join(rules::FOLDER)).unwrap_or_default(),
+        };
+        for field in names {
+            let Some(name) = field.get() else { continue };
+            if known.contains(name) {
+                let cited_in = self.manifest_file.to_owned();
+                self.references.push(Reference {
+                    name: rules::file(name),
+                    role: Role::Rules,
+                    cited_in,
+                    place: field.place(),
+                });
+                continue;
+            }
+            let problem = match closest(name, known.iter().map(String::as_str)) {
+                Some(similar) => format!("there are no rules `{name}`; did you mean `{similar}`?"),
+                None => format!("there are no rules `{name}`"),
+            };
+            let help = match &known[..] {
+                [] => format!("Rule sets lie beside the garment's folder, as {}.", rules::file("NAME")),
+                known => format!("There are {}.", known.join(", ")),
+            };
+            self.report.push(
+                Diagnostic::error("unknown-rules", self.manifest_file, field.place()).problem(problem).help(help),
+            );
         }
     }
 }
@@ -264,6 +313,7 @@ enum Decoded {
     Body(Option<Box<ir::Body>>),
     Mask(Option<masks::Mask>),
     Paths(Option<paths::Paths>),
+    Rules(Option<RuleSet>),
     Texture(Option<Vec<u8>>),
 }
 
@@ -280,6 +330,7 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
             Role::Body => Decoded::Body(body::read(name, &bytes, &mut report).map(Box::new)),
             Role::Mask => Decoded::Mask(masks::read(name, &bytes, &mut report)),
             Role::Paths => Decoded::Paths(paths::read(name, &bytes, &mut report)),
+            Role::Rules => Decoded::Rules(rules::read(name, rules::name(name), &bytes, &mut report)),
             Role::Texture => Decoded::Texture(masks::read_texture(name, bytes, &mut report)),
         };
         (decoded, report, hash)
@@ -288,10 +339,12 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
         folder,
         manifest: head.manifest,
         poses: head.poses,
+        sizes: head.sizes,
         meshes: BTreeMap::new(),
         masks: BTreeMap::new(),
         body: None,
         paths: None,
+        rules: BTreeMap::new(),
         texture_png: None,
     };
     let mut inputs = head.inputs;
@@ -303,6 +356,7 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
             Decoded::Mask(mask) => source.masks.extend(mask.map(|mask| (path, mask))),
             Decoded::Body(body) => source.body = body.map(|body| *body),
             Decoded::Paths(paths) => source.paths = paths,
+            Decoded::Rules(rules) => source.rules.extend(rules.map(|rules| (path, rules))),
             Decoded::Texture(bytes) => source.texture_png = bytes,
         }
     }

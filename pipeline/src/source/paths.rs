@@ -19,6 +19,10 @@ pub struct PathEntry {
     /// Kanji.
     #[serde(default)]
     pub ja: String,
+    /// The dimension of the rule sets that says how long it should be, for example `sode_take`. A path without a rule is not fitted.
+    pub rule: Option<Field<String>>,
+    /// How much an error of this dimension counts in a fit; 1 unless given.
+    pub load: Option<Field<f64>>,
     /// Added to the sum of the edge lengths.
     pub offset: Option<Length>,
     /// Vertex numbers from 0, each joined to the next by an edge of the base.
@@ -30,8 +34,10 @@ pub struct PathEntry {
 pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Paths> {
     let text = super::utf8(file, bytes, report)?;
     let paths: Paths = manifest::parse(file, text, report)?;
-    for vertex in paths.0.values().filter_map(|path| path.vertices.as_ref()).flatten() {
-        manifest::report_wrong(file, vertex, report);
+    for PathEntry { rule, load, vertices, .. } in paths.0.values() {
+        rule.iter().for_each(|field| manifest::report_wrong(file, field, report));
+        load.iter().for_each(|field| manifest::report_wrong(file, field, report));
+        vertices.iter().flatten().for_each(|field| manifest::report_wrong(file, field, report));
     }
     Some(paths)
 }

@@ -1,6 +1,7 @@
 //! `poses.csv`: one row per sample, its joint rotations as quaternions relative to the T-pose. Knows nothing of the
 //! files that its rows name.
 
+use super::delimited::{self, Cells, Row};
 use super::manifest::unknown_bone;
 use crate::diagnostic::{Diagnostic, Place};
 use glam::{DQuat, Quat};
@@ -72,32 +73,9 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Po
 
 /// Reads only what a list of poses needs: the rotations. `file` and `name` may be absent, and files need not exist.
 pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<PoseTable> {
-    let text = super::utf8(file, bytes, report)?;
     let before = report.len();
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
-    let unreadable = |error: csv::Error| {
-        let place = error.position().map_or(Place::File, |at| Place::Line(at.line() as u32));
-        Diagnostic::error("csv-syntax", file, place)
-            .problem(format!("this is no row of a CSV table: {error}"))
-            .help("Separate columns by commas; put text with commas in double quotes.")
-    };
-    let headers = match reader.headers() {
-        Ok(headers) => headers.clone(),
-        Err(error) => {
-            report.push(unreadable(error));
-            return None;
-        }
-    };
-    if let Some(separator) =
-        [(";", "semicolons"), ("\t", "tabs")].iter().find(|(s, _)| headers.len() == 1 && headers[0].contains(s))
-    {
-        report.push(
-            Diagnostic::error("csv-syntax", file, Place::Line(1))
-                .problem(format!("the columns are separated by {}, not by commas", separator.1))
-                .help("Save the table with commas between columns, and with points in numbers."),
-        );
-        return None;
-    }
+    let Cells { header: headers, rows: records } = read_csv(file, bytes, ROWS, report)?;
+    let before_header = report.len();
     let columns: Vec<Column> = headers.iter().map(|header| column(file, header, report)).collect();
     let mut bones: Vec<Bone> = Vec::new();
     for column in &columns {
@@ -130,38 +108,14 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
                 .help("Add four columns per joint, for example rightUpperArm_qx,rightUpperArm_qy,rightUpperArm_qz,rightUpperArm_qw."),
         );
     }
-    if report.len() > before {
+    if report.len() > before_header {
         return None;
     }
     let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = match record {
-            Ok(record) => record,
-            Err(error) => {
-                report.push(unreadable(error));
-                return None;
-            }
-        };
-        let line = record.position().map_or(0, |at| at.line() as u32);
-        if rows.len() == ROWS {
-            report.push(
-                Diagnostic::error("pose-row", file, Place::Line(line))
-                    .problem(format!("the table has more than {ROWS} rows"))
-                    .help("Split it."),
-            );
-            return None;
-        }
-        if record.len() != columns.len() {
-            report.push(
-                Diagnostic::error("pose-row", file, Place::Line(line))
-                    .problem(format!("this row has {} columns, the header {}", record.len(), columns.len()))
-                    .help("Give every row one value per column of the header."),
-            );
-            continue;
-        }
+    for Row { line, cells, .. } in records {
         let mut row = PoseRow { line, file: String::new(), name: String::new(), rotations: Vec::new() };
         let mut parts = vec![[0.0f64; 4]; bones.len()];
-        for ((value, column), header) in record.iter().zip(&columns).zip(&headers) {
+        for ((value, column), header) in cells.iter().zip(&columns).zip(&headers) {
             match column {
                 Column::File => row.file = value.to_owned(),
                 Column::Name => row.name = value.to_owned(),
@@ -193,6 +147,22 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
         rows.push(row);
     }
     (report.len() == before).then_some(PoseTable { bones, rows })
+}
+
+/// Reads a table of at most `most` rows between commas; nothing where it is no table.
+pub(super) fn read_csv(file: &str, bytes: &[u8], most: usize, report: &mut Vec<Diagnostic>) -> Option<Cells> {
+    let text = super::utf8(file, bytes, report)?;
+    let separators = match delimited::separator(delimited::first_line(text).as_bytes()) {
+        b';' => "semicolons",
+        b'\t' => "tabs",
+        comma => return delimited::read(file, text, comma, most, report),
+    };
+    report.push(
+        Diagnostic::error("csv-syntax", file, Place::Line(1))
+            .problem(format!("the columns are separated by {separators}, not by commas"))
+            .help("Save the table with commas between columns, and with points in numbers."),
+    );
+    None
 }
 
 const AXES: [&str; 4] = ["qx", "qy", "qz", "qw"];

@@ -3,10 +3,12 @@
 //!
 //! Long arrays are *columns*: the values of one coordinate, one after the other. A column stores, per value, its
 //! wrapping difference to the value before (the first: to 0), zigzag-coded so that small differences of either sign are
-//! small numbers, and splits these numbers into byte planes: first the lowest byte of all, then the next. Neighbouring
-//! vertices differ little, so the higher planes are mostly zero, which LZ4 then removes.
+//! small numbers, in runs of the entropy coder (`rans`). Columns of floating-point numbers begin with a byte: the
+//! number of decimals d when all of them are the `f32` nearest to n / 10^d for whole n of 32 bits, which are then the
+//! values (numbers from text files are of this kind); or 255, and the values are the numbers' bits.
 
-use super::ContentProblem;
+use super::rans::{self, RUN};
+use super::{ContentProblem, v1};
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -17,11 +19,32 @@ pub const LZ4_EXPANSION: usize = 255;
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
+    major: u16,
+    /// Bytes that coded arrays may still decode to.
+    allowed: usize,
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Reader<'a> {
-        Reader { bytes, at: 0 }
+    /// Of a section of this major version of the format. Coded arrays may decode to `allowed` bytes.
+    pub(super) fn new(bytes: &'a [u8], major: u16, allowed: usize) -> Reader<'a> {
+        Reader { bytes, at: 0, major, allowed }
+    }
+
+    /// Whether version 1 wrote this.
+    pub(super) fn is_version_1(&self) -> bool {
+        self.major == v1::MAJOR
+    }
+
+    /// How many bytes coded arrays may still decode to.
+    pub(super) fn allowed(&self) -> usize {
+        self.allowed
+    }
+
+    /// To be called before memory is taken for what is not stored byte by byte.
+    pub(super) fn allow(&mut self, bytes: usize) -> Result<(), ContentProblem> {
+        let too_much = ContentProblem::DecodedLength { decoded: bytes, allowed: self.allowed };
+        self.allowed = self.allowed.checked_sub(bytes).ok_or(too_much)?;
+        Ok(())
     }
 
     /// How many bytes have been read.
@@ -102,43 +125,52 @@ impl<'a> Reader<'a> {
     }
 
     /// A column of values of `WIDTH` bytes each.
-    pub(super) fn column<const WIDTH: usize>(&mut self, count: usize) -> Result<Column<'a, WIDTH>, ContentProblem> {
-        let mut planes = [&[][..]; WIDTH];
-        for plane in &mut planes {
-            *plane = self.take(count)?;
+    pub(super) fn column<const WIDTH: usize>(&mut self, count: usize) -> Result<Column, ContentProblem> {
+        if self.is_version_1() {
+            return Ok(v1::column(self, WIDTH, count)?.into_iter());
         }
-        Ok(Column { planes, at: 0, count, value: 0 })
-    }
-}
-
-/// The values of a column, decoded one by one.
-pub(super) struct Column<'a, const WIDTH: usize> {
-    planes: [&'a [u8]; WIDTH],
-    at: usize,
-    count: usize,
-    value: u32,
-}
-
-impl<const WIDTH: usize> Iterator for Column<'_, WIDTH> {
-    type Item = u32;
-
-    fn next(&mut self) -> Option<u32> {
-        let mut zigzag = [0; 4];
-        for (byte, plane) in zigzag.iter_mut().zip(self.planes) {
-            *byte = *plane.get(self.at)?;
+        self.allow(count.saturating_mul(WIDTH))?;
+        let mut values = vec![0; count];
+        let mut runs = rans::Decoder::read(self)?;
+        let (mut class, mut value) = (0, 0u32);
+        for run in values.chunks_mut(RUN) {
+            runs.run(&mut class, run)?;
+            for number in run {
+                value = value.wrapping_add(unzigzag(*number)) & mask::<WIDTH>();
+                *number = value;
+            }
         }
-        self.at += 1;
-        self.value = self.value.wrapping_add(unzigzag(u32::from_le_bytes(zigzag)));
-        Some(self.value & mask::<WIDTH>())
+        runs.finish()?;
+        Ok(values.into_iter())
     }
 
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.count - self.at;
-        (left, Some(left))
+    /// Columns of floating-point numbers.
+    pub(super) fn floats<const N: usize>(
+        &mut self,
+        count: usize,
+    ) -> Result<[impl ExactSizeIterator<Item = f32> + use<N>; N], ContentProblem> {
+        let decimals = if self.is_version_1() { BITS } else { self.u8()? };
+        let scale = match decimals {
+            BITS => None,
+            decimals if usize::from(decimals) < POWERS.len() => Some(POWERS[usize::from(decimals)]),
+            _ => return Err(ContentProblem::Decimals(decimals)),
+        };
+        let number = move |value: u32| match scale {
+            None => f32::from_bits(value),
+            Some(scale) => (f64::from(value as i32) / scale) as f32,
+        };
+        let columns = (0..N).map(|_| Ok(self.column::<4>(count)?.map(number))).collect::<Result<Vec<_>, _>>()?;
+        Ok(columns.try_into().unwrap_or_else(|_| unreachable!("N columns were read")))
     }
 }
 
-impl<const WIDTH: usize> ExactSizeIterator for Column<'_, WIDTH> {}
+/// The values of a column.
+pub(super) type Column = std::vec::IntoIter<u32>;
+
+/// Powers of ten by which numbers of text files are whole.
+const POWERS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
+/// In place of decimals: the values are the numbers' bits.
+const BITS: u8 = u8::MAX;
 
 /// Writes what [`Reader`] reads.
 #[cfg(feature = "write")]
@@ -197,16 +229,31 @@ impl Writer {
     /// Values must fit into `WIDTH` bytes.
     pub(super) fn column<const WIDTH: usize>(&mut self, values: impl Iterator<Item = u32>) {
         let mut before = 0;
-        let zigzags: Vec<[u8; 4]> = values
-            .map(|value| {
-                debug_assert!(value <= mask::<WIDTH>(), "{value} does not fit into {WIDTH} bytes");
-                let difference = value.wrapping_sub(before);
-                before = value;
-                zigzag::<WIDTH>(difference).to_le_bytes()
-            })
-            .collect();
-        for plane in 0..WIDTH {
-            self.bytes.extend(zigzags.iter().map(|bytes| bytes[plane]));
+        let differences = values.map(|value| {
+            debug_assert!(value <= mask::<WIDTH>(), "{value} does not fit into {WIDTH} bytes");
+            let difference = value.wrapping_sub(before);
+            before = value;
+            zigzag::<WIDTH>(difference)
+        });
+        let differences: Vec<u32> = differences.collect();
+        rans::encode(differences.chunks(RUN).map(|run| (0, run)), self);
+    }
+
+    /// Columns of the coordinates of values.
+    pub(super) fn floats<T, const N: usize>(&mut self, values: &[T], coordinates: impl Fn(&T) -> [f32; N]) {
+        let whole = |number: f32, scale: f64| {
+            let value = (f64::from(number) * scale).round() as i32;
+            ((f64::from(value) / scale) as f32).to_bits() == number.to_bits()
+        };
+        let fits = |scale: &f64| values.iter().flat_map(&coordinates).all(|number| whole(number, *scale));
+        let decimals = POWERS.iter().position(fits);
+        self.u8(decimals.map_or(BITS, |decimals| decimals as u8));
+        for i in 0..N {
+            let value = |number: f32| match decimals {
+                Some(decimals) => (f64::from(number) * POWERS[decimals]).round() as i32 as u32,
+                None => number.to_bits(),
+            };
+            self.column::<4>(values.iter().map(|item| value(coordinates(item)[i])));
         }
     }
 }
@@ -286,6 +333,10 @@ pub(super) fn encode(decoded: Vec<u8>) -> (Encoding, Vec<u8>) {
 mod tests {
     use super::*;
 
+    fn reading(bytes: &[u8]) -> Reader<'_> {
+        Reader::new(bytes, super::super::layout::MAJOR, 1 << 20)
+    }
+
     fn column<const WIDTH: usize>(values: &[u32]) -> Vec<u8> {
         let mut writer = Writer::default();
         writer.column::<WIDTH>(values.iter().copied());
@@ -293,19 +344,10 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_differences_zigzags_and_planes() {
-        assert_eq!(column::<1>(&[3, 2, 2, 255, 0]), [6, 1, 0, 5, 2]);
-        assert_eq!(column::<2>(&[0x0100, 0x00ff, 0xffff]), [0x00, 0x01, 0xff, 0x02, 0x00, 0x01]);
-        assert_eq!(column::<4>(&[1, u32::MAX]), [2, 3, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(column::<4>(&[]), []);
-    }
-
-    #[test]
     fn columns_come_back() {
         fn check<const WIDTH: usize>(values: &[u32]) {
             let bytes = column::<WIDTH>(values);
-            assert_eq!(bytes.len(), WIDTH * values.len());
-            let mut reader = Reader::new(&bytes);
+            let mut reader = reading(&bytes);
             let column = reader.column::<WIDTH>(values.len()).unwrap();
             assert_eq!(column.len(), values.len());
             assert_eq!(column.collect::<Vec<_>>(), values);
@@ -318,14 +360,15 @@ mod tests {
 
     #[test]
     fn nothing_is_read_beyond_the_end() {
-        let mut reader = Reader::new(&[1, 2, 3]);
+        let mut reader = reading(&[1, 2, 3]);
         assert_eq!(reader.u32(), Err(ContentProblem::Ends { needed: 4, left: 3 }));
-        assert_eq!(reader.column::<2>(2).err(), Some(ContentProblem::Ends { needed: 2, left: 1 }));
-        let mut reader = Reader::new(&[1, 0, b'a', 7]);
+        assert_eq!(reader.column::<2>(2).err(), Some(ContentProblem::Ends { needed: 1, left: 0 }));
+        let mut reader = reading(&[1, 0, b'a', 7]);
         assert_eq!(reader.text().as_deref(), Ok("a"));
         assert_eq!(reader.flag(), Err(ContentProblem::Flag(7)));
-        assert_eq!(Reader::new(&[1, 0, 0xff]).text(), Err(ContentProblem::Utf8));
-        assert_eq!(Reader::new(&[0xff; 2]).column::<4>(usize::MAX).err().map(|_| ()), Some(()));
+        assert_eq!(reading(&[1, 0, 0xff]).text(), Err(ContentProblem::Utf8));
+        let too_much = ContentProblem::DecodedLength { decoded: usize::MAX, allowed: 1 << 20 };
+        assert_eq!(reading(&[0xff; 2]).column::<4>(usize::MAX).err(), Some(too_much));
     }
 
     #[test]

@@ -1,9 +1,9 @@
-//! The format of a pack, version 1.0. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 2.0. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
 //! is a byte 0 or 1, `bone` is a byte: the number of a [`Bone`]. `column(n)` is n numbers as described in
-//! [`codec`](super::codec).
+//! [`codec`](super::codec); `residuals` are a `u32` length and as many bytes as described in `residuals`.
 //!
 //! # Container
 //! | bytes | what |
@@ -32,30 +32,40 @@
 //! multiple of [`ALIGNMENT`] after the end of the one before (of the header, for the first), the bytes between are 0,
 //! and the last one ends the pack.
 //!
-//! A reader of 1.x reads every pack of version 1: later minor versions may add sections, which older readers skip, and
-//! change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of another
-//! major version are refused.
+//! A reader of 2.x reads every pack of versions 1 and 2: later minor versions may add sections, which older readers skip,
+//! and change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of later
+//! major versions are refused. In packs of version 1 the same sections hold the same fields; columns, floating-point numbers
+//! and deltas are coded as `v1.rs` says.
 //!
 //! # Sections
-//! All of them must be there. Their contents, field after field; "per x" repeats what follows the colon:
+//! All of them must be there, but for those marked optional. Their contents, field after field; "per x" repeats what follows the colon:
 //!
 //! | tag | content |
 //! |---|---|
 //! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, bones of the pose table b |
 //! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
-//! | `MESH` | x, y, z of the positions, each a `column(v)` of `f32` bits; `flag` has uv, and if so u, v, each a `column(v + w)` of `f32` bits; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
+//! | `MESH` | x, y, z of the positions, `floats(v)`; `flag` has uv; u, v, `floats(v + w)` if so, else `floats(0)`; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
 //! | `SKIN` | four `column(v)` of `u8` joints, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
-//! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then per target: x, y, z, each a `column` of `u16` (two's complement), one value per vertex of its segments |
+//! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
 //! | `RBFS` | `flag` has a default kernel, and if so: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
 //! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
+//! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
+//! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
+//! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
+//! | `PROX` | optional: `u8` proxy count; per proxy: `text` name, `u32` surfel count n, `u32` guarded count g; x, y, z of place and normal, radius, share, `floats(n)`; skin weights of the surfels as in `SKIN`; `column(g)` of `u32` vertices; x, y, z of their sides, each a `column(g)` of `u8` (two's complement) |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
 //! on both sides.
 
+#[cfg(feature = "fit")]
+pub(super) mod fit;
+
 use super::codec::{Column, Reader};
-use super::{ContentProblem, OpenError};
+use super::field::{self, Lower};
+use super::{ContentProblem, OpenError, v1};
+use crate::clearance::{Guarded, Proxy, Surfel};
 use crate::garment::{
     Certificate, Driver, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target, limits,
 };
@@ -71,7 +81,7 @@ use {super::codec::Writer, crate::garment::GarmentData};
 /// The first bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
-pub const MAJOR: u16 = 1;
+pub const MAJOR: u16 = 2;
 /// Grows when sections are added that older readers may skip.
 pub const MINOR: u16 = 0;
 /// Bytes before the section table.
@@ -121,8 +131,24 @@ pub const TGTS: Tag = Tag(*b"TGTS");
 pub const RBFS: Tag = Tag(*b"RBFS");
 /// The certificate.
 pub const CERT: Tag = Tag(*b"CERT");
-/// Every section of this version.
-pub const ALL: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
+/// What a fit needs but fields and texture coordinates.
+pub const FITS: Tag = Tag(*b"FITS");
+/// Displacement fields.
+pub const FLDS: Tag = Tag(*b"FLDS");
+/// Texture coordinates of the sizes.
+pub const SZUV: Tag = Tag(*b"SZUV");
+/// Clearance proxies.
+pub const PROX: Tag = Tag(*b"PROX");
+/// The sections that every pack has.
+pub const REQUIRED: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
+/// The sections that a pack may have.
+pub const OPTIONAL: [Tag; 4] = [FITS, FLDS, SZUV, PROX];
+
+/// Whether this version has such a section.
+#[must_use]
+pub fn is_known(tag: Tag) -> bool {
+    REQUIRED.contains(&tag) || OPTIONAL.contains(&tag)
+}
 
 /// An entry of the section table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,8 +161,8 @@ pub(super) struct Entry {
     pub(super) checksum: u64,
 }
 
-/// Reads and checks everything before the sections: the minor version and the table.
-pub(super) fn read_header(bytes: &[u8]) -> Result<(u16, Vec<Entry>), OpenError> {
+/// Reads and checks everything before the sections: the version and the table.
+pub(super) fn read_header(bytes: &[u8]) -> Result<((u16, u16), Vec<Entry>), OpenError> {
     if bytes.len() > limits::PACK_BYTES {
         return Err(OpenError::TooLong(bytes.len()));
     }
@@ -144,9 +170,9 @@ pub(super) fn read_header(bytes: &[u8]) -> Result<(u16, Vec<Entry>), OpenError> 
         return Err(OpenError::NotAPack);
     }
     let truncated = |_| OpenError::Header("it ends within the header");
-    let mut reader = Reader::new(&bytes[MAGIC.len()..]);
+    let mut reader = Reader::new(&bytes[MAGIC.len()..], MAJOR, 0);
     let (major, minor) = (reader.u16().map_err(truncated)?, reader.u16().map_err(truncated)?);
-    if major != MAJOR {
+    if !(v1::MAJOR..=MAJOR).contains(&major) {
         return Err(OpenError::Version { major, minor });
     }
     let sections = reader.u32().map_err(truncated)? as usize;
@@ -154,7 +180,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Result<(u16, Vec<Entry>), OpenError> 
     if sections > SECTIONS {
         return Err(OpenError::Header("it has more sections than possible"));
     }
-    let mut table = Reader::new(reader.take(sections * ENTRY_BYTES).map_err(truncated)?);
+    let mut table = Reader::new(reader.take(sections * ENTRY_BYTES).map_err(truncated)?, MAJOR, 0);
     let checked = MAGIC.len() + reader.at();
     if reader.u64().map_err(truncated)? != checksum(&bytes[..checked]) {
         return Err(OpenError::Header("its checksum does not match"));
@@ -163,7 +189,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Result<(u16, Vec<Entry>), OpenError> 
         return Err(OpenError::Length { stated: length, length: bytes.len() });
     }
     let entries = (0..sections).map(|_| read_entry(&mut table)).collect::<Result<_, _>>().map_err(truncated)?;
-    Ok((minor, entries))
+    Ok(((major, minor), entries))
 }
 
 /// Writes what [`read_header`] reads.
@@ -273,9 +299,10 @@ pub(super) fn write_skeleton(skeleton: &Skeleton, to: &mut Writer) {
 
 pub(super) fn read_mesh(info: &Info, from: &mut Reader<'_>) -> Result<Mesh, ContentProblem> {
     let vertices = info.unique + info.twins;
-    let [x, y, z] = read_floats(info.unique, from)?;
+    let [x, y, z] = from.floats(info.unique)?;
     let positions_m = x.zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z)).collect();
-    let [u, v] = read_floats(if from.flag()? { vertices } else { 0 }, from)?;
+    let has_uv = from.flag()?;
+    let [u, v] = from.floats(if has_uv { vertices } else { 0 })?;
     let uv = u.zip(v).map(|(u, v)| Vec2::new(u, v)).collect();
     let twin_of = from.column::<4>(info.twins)?.collect();
     let mut corners = from.column::<4>(3 * info.triangles)?;
@@ -290,9 +317,9 @@ pub(super) fn read_mesh(info: &Info, from: &mut Reader<'_>) -> Result<Mesh, Cont
 
 #[cfg(feature = "write")]
 pub(super) fn write_mesh(mesh: &Mesh, to: &mut Writer) {
-    write_floats(&mesh.positions_m, |position| position.to_array(), to);
+    to.floats(&mesh.positions_m, |position| position.to_array());
     to.flag(!mesh.uv.is_empty());
-    write_floats(&mesh.uv, |uv| uv.to_array(), to);
+    to.floats(&mesh.uv, |uv| uv.to_array());
     to.column::<4>(mesh.twin_of.iter().copied());
     to.column::<4>(mesh.triangles.iter().flatten().copied());
     to.column::<4>(mesh.source_vertex.iter().copied());
@@ -302,9 +329,9 @@ pub(super) fn write_mesh(mesh: &Mesh, to: &mut Writer) {
     }
 }
 
-pub(super) fn read_skin(info: &Info, from: &mut Reader<'_>) -> Result<Vec<SkinWeights>, ContentProblem> {
-    let mut joints = read_columns::<1, 4>(info.unique, from)?;
-    let mut weights = read_columns::<2, 3>(info.unique, from)?;
+pub(super) fn read_skin(count: usize, from: &mut Reader<'_>) -> Result<Vec<SkinWeights>, ContentProblem> {
+    let mut joints = read_columns::<1, 4>(count, from)?;
+    let mut weights = read_columns::<2, 3>(count, from)?;
     let skin = |_| {
         let joints = next(&mut joints).map(|joint| joint as u8);
         let [b, c, d] = next(&mut weights).map(|weight| weight as u16);
@@ -312,7 +339,7 @@ pub(super) fn read_skin(info: &Info, from: &mut Reader<'_>) -> Result<Vec<SkinWe
         let first = u16::MAX.wrapping_sub(b).wrapping_sub(c).wrapping_sub(d);
         SkinWeights { joints, weights: [first, b, c, d] }
     };
-    Ok((0..info.unique).map(skin).collect())
+    Ok((0..count).map(skin).collect())
 }
 
 #[cfg(feature = "write")]
@@ -386,6 +413,7 @@ pub(super) fn write_segments(segments: &[Segment], to: &mut Writer) {
 
 pub(super) fn read_targets(
     info: &Info,
+    mesh: &Mesh,
     segments: &[Segment],
     from: &mut Reader<'_>,
 ) -> Result<Vec<Target>, ContentProblem> {
@@ -396,31 +424,47 @@ pub(super) fn read_targets(
             Ok(Target { name, step_m, segments, deltas: Vec::new() })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    for target in &mut targets {
-        let mut count = 0usize;
+    if from.is_version_1() {
+        return v1::read_deltas(targets, segments, from);
+    }
+    let mut moved: Vec<(usize, Vec<u16>)> =
+        segments.iter().map(|segment| (segment.vertex_count as usize, Vec::new())).collect();
+    let mut moving: Vec<&mut Target> = targets.iter_mut().filter(|target| !target.segments.is_empty()).collect();
+    for (number, target) in moving.iter().enumerate() {
         for &segment in &target.segments {
-            let segment = segments.get(usize::from(segment)).ok_or(ContentProblem::Segment(segment))?;
-            count = count.saturating_add(segment.vertex_count as usize);
+            let (_, fields) = moved.get_mut(usize::from(segment)).ok_or(ContentProblem::Segment(segment))?;
+            // Named twice, it is refused when the garment is checked.
+            if fields.last() != Some(&(number as u16)) {
+                fields.push(number as u16);
+            }
         }
-        let mut columns = read_columns::<2, 3>(count, from)?;
-        target.deltas = (0..count).map(|_| next(&mut columns).map(|delta| delta as u16 as i16)).collect();
+    }
+    let lower = Lower::new(info.unique, &mesh.twin_of, &mesh.triangles);
+    let fields = field::read(from, moving.len(), &moved, &lower, &mesh.positions_m)?;
+    for (target, deltas) in moving.iter_mut().zip(fields) {
+        target.deltas = deltas;
     }
     Ok(targets)
 }
 
 #[cfg(feature = "write")]
-pub(super) fn write_targets(targets: &[Target], to: &mut Writer) {
+pub(super) fn write_targets(data: &GarmentData, to: &mut Writer) {
+    let GarmentData { mesh, segments, targets, .. } = data;
     for target in targets {
         to.text(&target.name);
         to.f32(target.step_m);
         to.u16(target.segments.len() as u16);
         target.segments.iter().for_each(|&segment| to.u16(segment));
     }
-    for target in targets {
-        for coordinate in 0..3 {
-            to.column::<2>(target.deltas.iter().map(|delta| u32::from(delta[coordinate] as u16)));
-        }
-    }
+    let moving: Vec<&Target> = targets.iter().filter(|target| !target.segments.is_empty()).collect();
+    let moves = |segment: usize, field: u16| moving[usize::from(field)].segments.contains(&(segment as u16));
+    let moved = |(number, segment): (usize, &Segment)| {
+        (segment.vertex_count as usize, (0..moving.len() as u16).filter(|&field| moves(number, field)).collect())
+    };
+    let moved: Vec<(usize, Vec<u16>)> = segments.iter().enumerate().map(moved).collect();
+    let lower = Lower::new(mesh.positions_m.len(), &mesh.twin_of, &mesh.triangles);
+    let fields: Vec<&[[i16; 3]]> = moving.iter().map(|target| target.deltas.as_slice()).collect();
+    field::write(&fields, &moved, &lower, &mesh.positions_m, to);
 }
 
 pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>, ContentProblem> {
@@ -499,40 +543,71 @@ pub(super) fn write_certificate(certificate: Option<&Certificate>, to: &mut Writ
     to.f32(nearest.apart_deg);
 }
 
+pub(super) fn read_proxies(from: &mut Reader<'_>) -> Result<Vec<Proxy>, ContentProblem> {
+    (0..from.u8()?).map(|_| read_proxy(from)).collect()
+}
+
+fn read_proxy(from: &mut Reader<'_>) -> Result<Proxy, ContentProblem> {
+    let name = from.text()?;
+    let surfels = from.count("surfels", limits::SURFELS)?;
+    let guarded = from.count("guarded vertices", limits::VERTICES)?;
+    let [x, y, z, normal_x, normal_y, normal_z, radius_m, share] = from.floats(surfels)?;
+    let places_m = x.zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z));
+    let normals = normal_x.zip(normal_y).zip(normal_z).map(|((x, y), z)| Vec3::new(x, y, z));
+    let skin = read_skin(surfels, from)?;
+    let sizes = radius_m.zip(share);
+    let surfels = places_m
+        .zip(normals)
+        .zip(sizes)
+        .zip(skin)
+        .map(|(((place_m, normal), (radius_m, share)), skin)| Surfel { place_m, normal, radius_m, share, skin });
+    let surfels = surfels.collect();
+    let vertices = from.column::<4>(guarded)?;
+    let mut sides = read_columns::<1, 3>(guarded, from)?;
+    let guarded = vertices.map(|vertex| Guarded { vertex, side: next(&mut sides).map(|side| side as u8 as i8) });
+    Ok(Proxy { name, surfels, guarded: guarded.collect() })
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_proxies(proxies: &[Proxy], to: &mut Writer) {
+    to.u8(proxies.len() as u8);
+    for Proxy { name, surfels, guarded } in proxies {
+        to.text(name);
+        to.count(surfels.len());
+        to.count(guarded.len());
+        let numbers = |surfel: &Surfel| {
+            let ([x, y, z], [normal_x, normal_y, normal_z]) = (surfel.place_m.to_array(), surfel.normal.to_array());
+            [x, y, z, normal_x, normal_y, normal_z, surfel.radius_m, surfel.share]
+        };
+        to.floats(surfels, numbers);
+        write_skin(&surfels.iter().map(|surfel| surfel.skin).collect::<Vec<_>>(), to);
+        to.column::<4>(guarded.iter().map(|guarded| guarded.vertex));
+        for axis in 0..3 {
+            to.column::<1>(guarded.iter().map(|guarded| u32::from(guarded.side[axis] as u8)));
+        }
+    }
+}
+
 fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {
     let number = from.u8()?;
     Bone::from_index(number).ok_or(ContentProblem::Bone(number))
 }
 
-fn read_columns<'a, const WIDTH: usize, const N: usize>(
+fn read_columns<const WIDTH: usize, const N: usize>(
     count: usize,
-    from: &mut Reader<'a>,
-) -> Result<[Column<'a, WIDTH>; N], ContentProblem> {
-    let columns = (0..N).map(|_| from.column(count)).collect::<Result<Vec<_>, _>>()?;
+    from: &mut Reader<'_>,
+) -> Result<[Column; N], ContentProblem> {
+    let columns = (0..N).map(|_| from.column::<WIDTH>(count)).collect::<Result<Vec<_>, _>>()?;
     Ok(columns.try_into().unwrap_or_else(|_| unreachable!("N columns were read")))
 }
 
 /// The next value of each column.
-fn next<const WIDTH: usize, const N: usize>(columns: &mut [Column<'_, WIDTH>; N]) -> [u32; N] {
+fn next<const N: usize>(columns: &mut [Column; N]) -> [u32; N] {
     columns.each_mut().map(|column| column.next().expect("columns hold as many values as were asked for"))
 }
 
-fn read_floats<'a, const N: usize>(
-    count: usize,
-    from: &mut Reader<'a>,
-) -> Result<[impl ExactSizeIterator<Item = f32> + use<'a, N>; N], ContentProblem> {
-    Ok(read_columns::<4, N>(count, from)?.map(|column| column.map(f32::from_bits)))
-}
-
-#[cfg(feature = "write")]
-fn write_floats<T, const N: usize>(values: &[T], coordinates: impl Fn(&T) -> [f32; N], to: &mut Writer) {
-    for i in 0..N {
-        to.column::<4>(values.iter().map(|value| coordinates(value)[i].to_bits()));
-    }
-}
-
 /// Columns of masks as rows, one after the other.
-fn interleave(mut columns: Vec<Column<'_, 2>>) -> Vec<u16> {
+fn interleave(mut columns: Vec<Column>) -> Vec<u16> {
     let rows = columns.first().map_or(0, ExactSizeIterator::len);
     let mut masks = Vec::with_capacity(rows * columns.len());
     for _ in 0..rows {

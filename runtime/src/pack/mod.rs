@@ -2,14 +2,24 @@
 //! are stored in [`codec`]. Knows nothing of files or frames.
 
 pub mod codec;
+mod field;
 pub mod layout;
+mod rans;
+#[cfg(feature = "fit")]
+mod residuals;
+mod v1;
 #[cfg(feature = "write")]
 pub mod write;
 
+#[cfg(feature = "fit")]
+use crate::fit::{FitData, InvalidFit};
 use crate::garment::{Garment, GarmentData, InvalidGarment, limits};
 use crate::skeleton::SkeletonError;
 use codec::{Encoding, Reader};
 use layout::{Entry, Info, Tag};
+
+/// No pack decodes to more than this many times its length.
+const EXPANSION: usize = codec::LZ4_EXPANSION;
 
 /// An open pack.
 #[derive(Clone, Debug)]
@@ -17,6 +27,9 @@ pub struct Pack {
     version: (u16, u16),
     sections: Vec<SectionInfo>,
     garment: Garment,
+    /// The sections of a fit as they are stored.
+    #[cfg(feature = "fit")]
+    fit: Vec<(SectionInfo, Vec<u8>)>,
 }
 
 /// What the section table of a pack says.
@@ -32,6 +45,8 @@ pub struct SectionInfo {
     pub stored_length: usize,
     /// Bytes once decoded.
     pub decoded_length: usize,
+    /// Bytes once the arrays in it are decoded, too; the same in packs of version 1.
+    pub unpacked_length: usize,
 }
 
 impl Pack {
@@ -52,11 +67,44 @@ impl Pack {
     /// # Errors
     /// As [`Pack::open`].
     pub fn open_with_limit(bytes: &[u8], decoded_bytes: usize) -> Result<Pack, OpenError> {
-        let (minor, entries) = layout::read_header(bytes)?;
-        let sections = check_sections(bytes, minor, &entries)?;
-        check_decoded_length(&sections, decoded_bytes)?;
-        let data = read_garment(bytes, &sections)?;
-        Ok(Pack { version: (layout::MAJOR, minor), sections, garment: Garment::new(data)? })
+        let (version, entries) = layout::read_header(bytes)?;
+        let mut sections = check_sections(bytes, version, &entries)?;
+        let limit = decoded_bytes.min(EXPANSION.saturating_mul(bytes.len()));
+        let allowed = check_decoded_length(&sections, limit)?;
+        let data = read_garment(bytes, version, &mut sections, allowed)?;
+        Ok(Pack {
+            version,
+            garment: Garment::new(data)?,
+            #[cfg(feature = "fit")]
+            fit: stored_fit(bytes, &sections),
+            sections,
+        })
+    }
+
+    /// What fitting the garment to a wearer needs, decoded and checked; `None` when it has no sizes.
+    ///
+    /// # Errors
+    /// When these sections are wrong; says which and what.
+    #[cfg(feature = "fit")]
+    pub fn fit_data(&self) -> Result<Option<FitData>, OpenError> {
+        if self.fit.is_empty() {
+            return Ok(None);
+        }
+        let garment = &self.garment;
+        let (major, mut allowed) = (self.version.0, limits::DECODED_BYTES);
+        let find = |tag| self.fit.iter().find(|(section, _)| section.tag == tag);
+        let need = |tag| find(tag).ok_or(OpenError::Missing(tag));
+        let mut fit =
+            read_stored(need(layout::FITS)?, major, &mut allowed, |from| layout::fit::read_fit(garment, from))?;
+        let sizes = fit.size_count();
+        fit.fields = read_stored(need(layout::FLDS)?, major, &mut allowed, |from| {
+            layout::fit::read_fields(garment, sizes, from)
+        })?;
+        if let Some(section) = find(layout::SZUV) {
+            fit.uv = read_stored(section, major, &mut allowed, |from| layout::fit::read_uv(garment, sizes, from))?;
+        }
+        fit.check(garment)?;
+        Ok(Some(fit))
     }
 
     /// The garment.
@@ -95,7 +143,7 @@ pub enum OpenError {
     TooLong(usize),
     /// Another major version wrote it.
     #[error(
-        "the pack is of format version {major}.{minor}, and this version of kitsuke reads version {known}: {}",
+        "the pack is of format version {major}.{minor}, and this version of kitsuke reads versions 1 to {known}: {}",
         if *major > layout::MAJOR { "update kitsuke" } else { "build the pack anew" }, known = layout::MAJOR
     )]
     Version {
@@ -149,6 +197,10 @@ pub enum OpenError {
     /// The garment breaks a rule.
     #[error(transparent)]
     Garment(#[from] InvalidGarment),
+    /// What fitting needs breaks a rule.
+    #[cfg(feature = "fit")]
+    #[error(transparent)]
+    Fit(#[from] InvalidFit),
 }
 
 /// What is wrong with a section as a whole.
@@ -222,16 +274,39 @@ pub enum ContentProblem {
     /// There is no such segment.
     #[error("there is no segment {0}")]
     Segment(u16),
+    /// A number stands for nothing.
+    #[error("there is no {what} {number}")]
+    Number {
+        /// What it should stand for.
+        what: &'static str,
+        /// The number.
+        number: u8,
+    },
+    /// Coded arrays would be longer than allowed.
+    #[error("it would decode to {decoded} bytes more, where {allowed} are allowed")]
+    DecodedLength {
+        /// Bytes needed.
+        decoded: usize,
+        /// Bytes allowed.
+        allowed: usize,
+    },
+    /// Numbers have more decimals than possible.
+    #[error("numbers with {0} decimals are not possible")]
+    Decimals(u8),
+    /// Entropy-coded numbers are not what an encoder writes.
+    #[error("its coded numbers are damaged")]
+    Codes,
     /// The joints are no skeleton.
     #[error(transparent)]
     Skeleton(SkeletonError),
 }
 
 /// Checks the section table: where sections lie, that each is intact, and that none is missing or unknown.
-fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<SectionInfo>, OpenError> {
+fn check_sections(bytes: &[u8], version: (u16, u16), entries: &[Entry]) -> Result<Vec<SectionInfo>, OpenError> {
     let mut sections: Vec<SectionInfo> = Vec::with_capacity(entries.len());
     let mut end = layout::header_length(entries.len());
-    let newer = minor > layout::MINOR;
+    let known = if version.0 == v1::MAJOR { v1::MINOR } else { layout::MINOR };
+    let newer = version.1 > known;
     for entry in entries {
         let &Entry { tag, offset, stored_length, decoded_length, .. } = entry;
         let fail = |problem| Err(OpenError::Section { tag, offset, problem });
@@ -251,7 +326,7 @@ fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<Sec
         if sections.iter().any(|section| section.tag == tag) {
             return fail(SectionProblem::Twice);
         }
-        let known = layout::ALL.contains(&tag);
+        let known = layout::is_known(tag);
         if !known && !newer {
             return fail(SectionProblem::Unknown);
         }
@@ -264,52 +339,103 @@ fn check_sections(bytes: &[u8], minor: u16, entries: &[Entry]) -> Result<Vec<Sec
             }
             _ => {}
         }
-        sections.push(SectionInfo { tag, encoding, offset, stored_length, decoded_length });
+        let unpacked_length = decoded_length;
+        sections.push(SectionInfo { tag, encoding, offset, stored_length, decoded_length, unpacked_length });
     }
     if end != bytes.len() {
         return Err(OpenError::Length { stated: end, length: bytes.len() });
     }
     let missing = |tag: &&Tag| !sections.iter().any(|section| section.tag == **tag);
-    match layout::ALL.iter().find(missing) {
+    match layout::REQUIRED.iter().find(missing) {
         Some(&tag) => Err(OpenError::Missing(tag)),
         None => Ok(sections),
     }
 }
 
-fn check_decoded_length(sections: &[SectionInfo], limit: usize) -> Result<(), OpenError> {
-    let known = sections.iter().filter(|section| layout::ALL.contains(&section.tag));
+/// How many bytes the arrays in the sections may decode to.
+fn check_decoded_length(sections: &[SectionInfo], limit: usize) -> Result<usize, OpenError> {
+    let known = sections.iter().filter(|section| layout::is_known(section.tag));
     let decoded = known.fold(0usize, |sum, section| sum.saturating_add(section.decoded_length));
-    if decoded > limit { Err(OpenError::DecodedLength { decoded, limit }) } else { Ok(()) }
+    limit.checked_sub(decoded).ok_or(OpenError::DecodedLength { decoded, limit })
 }
 
-/// Decodes the sections one after the other, so that only one of them is in memory beside the garment.
-fn read_garment(bytes: &[u8], sections: &[SectionInfo]) -> Result<GarmentData, OpenError> {
-    let info = read_section(bytes, sections, layout::INFO, layout::read_info)?;
-    let skeleton = read_section(bytes, sections, layout::SKEL, layout::read_skeleton)?;
-    let mesh = read_section(bytes, sections, layout::MESH, |from| layout::read_mesh(&info, from))?;
-    let skin = read_section(bytes, sections, layout::SKIN, |from| layout::read_skin(&info, from))?;
-    let (drivers, poses) = read_section(bytes, sections, layout::DRIV, |from| layout::read_drivers(&info, from))?;
-    let segments = read_section(bytes, sections, layout::SEGS, |from| layout::read_segments(&info, from))?;
-    let targets = read_section(bytes, sections, layout::TGTS, |from| layout::read_targets(&info, &segments, from))?;
-    let rbf = read_section(bytes, sections, layout::RBFS, |from| layout::read_rbf(&info, from))?;
-    let certificate = read_section(bytes, sections, layout::CERT, |from| layout::read_certificate(&info, from))?;
-    let Info { id, name, .. } = info;
-    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate })
-}
-
-fn read_section<T>(
+/// Decodes the sections one after the other, so that only one of them is in memory beside the garment. Coded arrays may
+/// decode to `allowed` bytes.
+fn read_garment(
     bytes: &[u8],
-    sections: &[SectionInfo],
-    tag: Tag,
+    version: (u16, u16),
+    sections: &mut [SectionInfo],
+    allowed: usize,
+) -> Result<GarmentData, OpenError> {
+    let mut sections = Sections { bytes, major: version.0, sections, allowed };
+    let info = sections.read(layout::INFO, layout::read_info)?;
+    let skeleton = sections.read(layout::SKEL, layout::read_skeleton)?;
+    let mesh = sections.read(layout::MESH, |from| layout::read_mesh(&info, from))?;
+    let skin = sections.read(layout::SKIN, |from| layout::read_skin(info.unique, from))?;
+    let (drivers, poses) = sections.read(layout::DRIV, |from| layout::read_drivers(&info, from))?;
+    let segments = sections.read(layout::SEGS, |from| layout::read_segments(&info, from))?;
+    let targets = sections.read(layout::TGTS, |from| layout::read_targets(&info, &mesh, &segments, from))?;
+    let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&info, from))?;
+    let certificate = sections.read(layout::CERT, |from| layout::read_certificate(&info, from))?;
+    let proxies = sections.read_optional(layout::PROX, layout::read_proxies)?.unwrap_or_default();
+    let Info { id, name, .. } = info;
+    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate, proxies })
+}
+
+/// The sections of a pack whose table has been checked.
+struct Sections<'a> {
+    bytes: &'a [u8],
+    major: u16,
+    sections: &'a mut [SectionInfo],
+    /// Bytes that coded arrays may still decode to.
+    allowed: usize,
+}
+
+impl Sections<'_> {
+    fn read<T>(
+        &mut self,
+        tag: Tag,
+        read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
+    ) -> Result<T, OpenError> {
+        let section = self.sections.iter_mut().find(|section| section.tag == tag).ok_or(OpenError::Missing(tag))?;
+        let stored = &self.bytes[section.offset..section.offset + section.stored_length];
+        let before = self.allowed;
+        let content = read_stored(&(*section, stored), self.major, &mut self.allowed, read);
+        section.unpacked_length += before - self.allowed;
+        content
+    }
+
+    /// [`Sections::read`] of one that need not be there.
+    fn read_optional<T>(
+        &mut self,
+        tag: Tag,
+        read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
+    ) -> Result<Option<T>, OpenError> {
+        let is_there = self.sections.iter().any(|section| section.tag == tag);
+        is_there.then(|| self.read(tag, read)).transpose()
+    }
+}
+
+/// The sections of a fit, to be decoded when somebody wants to fit.
+#[cfg(feature = "fit")]
+fn stored_fit(bytes: &[u8], sections: &[SectionInfo]) -> Vec<(SectionInfo, Vec<u8>)> {
+    let of_fit = sections.iter().filter(|section| [layout::FITS, layout::FLDS, layout::SZUV].contains(&section.tag));
+    of_fit.map(|section| (*section, bytes[section.offset..section.offset + section.stored_length].to_vec())).collect()
+}
+
+fn read_stored<T>(
+    (section, stored): &(SectionInfo, impl AsRef<[u8]>),
+    major: u16,
+    allowed: &mut usize,
     read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
 ) -> Result<T, OpenError> {
-    let section = sections.iter().find(|section| section.tag == tag).ok_or(OpenError::Missing(tag))?;
-    let &SectionInfo { offset, stored_length, decoded_length, .. } = section;
-    let stored = &bytes[offset..offset + stored_length];
+    let &SectionInfo { tag, offset, decoded_length, .. } = section;
+    let stored = stored.as_ref();
     let decoded = section.encoding.and_then(|encoding| encoding.decode(stored, decoded_length));
     let problem = SectionProblem::Decode { decoded_length };
     let decoded = decoded.ok_or(OpenError::Section { tag, offset, problem })?;
-    let mut reader = Reader::new(&decoded);
+    let mut reader = Reader::new(&decoded, major, *allowed);
     let content = read(&mut reader).and_then(|content| reader.finish().map(|()| content));
+    *allowed = reader.allowed();
     content.map_err(|problem| OpenError::Content { tag, at: reader.at(), problem })
 }

@@ -2,7 +2,11 @@
 
 use super::codec::{Encoding, Writer, encode};
 use super::layout::{self, Entry, Tag};
+#[cfg(feature = "fit")]
+use crate::fit::{FitData, InvalidFit};
 use crate::garment::Garment;
+
+pub use super::field::{Wanted, quantise};
 
 /// The garment as a pack, which [`Pack::open`](super::Pack::open) gives back exactly.
 ///
@@ -14,18 +18,52 @@ use crate::garment::Garment;
 /// When a section would be longer than 4 GiB.
 #[must_use]
 pub fn write(garment: &Garment) -> Vec<u8> {
+    pack(&garment_sections(garment))
+}
+
+/// The garment with what fitting it needs, which [`Pack::fit_data`](super::Pack::fit_data) gives back exactly.
+///
+/// # Errors
+/// When the fit is not that of the garment, or breaks another rule.
+///
+/// # Panics
+/// As [`write()`].
+#[cfg(feature = "fit")]
+pub fn write_with_fit(garment: &Garment, fit: &FitData) -> Result<Vec<u8>, InvalidFit> {
+    fit.check(garment)?;
+    let mut sections = garment_sections(garment);
+    sections.push(section(layout::FITS, |to| layout::fit::write_fit(fit, to)));
+    sections.push(section(layout::FLDS, |to| layout::fit::write_fields(garment, fit, to)));
+    if !fit.uv.is_empty() {
+        sections.push(section(layout::SZUV, |to| layout::fit::write_uv(garment, &fit.uv, to)));
+    }
+    Ok(pack(&sections))
+}
+
+/// Tag, decoded length and stored bytes of a section.
+type Section = (Tag, usize, (Encoding, Vec<u8>));
+
+fn garment_sections(garment: &Garment) -> Vec<Section> {
     let data = garment.data();
-    let sections = [
+    let mut sections = vec![
         section(layout::INFO, |to| layout::write_info(data, to)),
         section(layout::SKEL, |to| layout::write_skeleton(&data.skeleton, to)),
         section(layout::MESH, |to| layout::write_mesh(&data.mesh, to)),
         section(layout::SKIN, |to| layout::write_skin(&data.skin, to)),
         section(layout::DRIV, |to| layout::write_drivers(&data.drivers, &data.poses, to)),
         section(layout::SEGS, |to| layout::write_segments(&data.segments, to)),
-        section(layout::TGTS, |to| layout::write_targets(&data.targets, to)),
+        section(layout::TGTS, |to| layout::write_targets(data, to)),
         section(layout::RBFS, |to| layout::write_rbf(data.rbf.as_ref(), to)),
         section(layout::CERT, |to| layout::write_certificate(data.certificate.as_ref(), to)),
     ];
+    if !data.proxies.is_empty() {
+        sections.push(section(layout::PROX, |to| layout::write_proxies(&data.proxies, to)));
+    }
+    sections
+}
+
+/// The sections after their header.
+fn pack(sections: &[Section]) -> Vec<u8> {
     let mut end = layout::header_length(sections.len());
     let entries: Vec<Entry> = sections
         .iter()
@@ -44,15 +82,14 @@ pub fn write(garment: &Garment) -> Vec<u8> {
         .collect();
     let mut pack = Writer::default();
     layout::write_header(&entries, end, &mut pack);
-    for (entry, (_, _, (_, stored))) in entries.iter().zip(&sections) {
+    for (entry, (_, _, (_, stored))) in entries.iter().zip(sections) {
         pack.bytes.resize(entry.offset, 0);
         pack.take(stored);
     }
     pack.bytes
 }
 
-/// Tag, decoded length and stored bytes of a section.
-fn section(tag: Tag, write: impl FnOnce(&mut Writer)) -> (Tag, usize, (Encoding, Vec<u8>)) {
+fn section(tag: Tag, write: impl FnOnce(&mut Writer)) -> Section {
     let mut content = Writer::default();
     write(&mut content);
     (tag, content.bytes.len(), encode(content.bytes))

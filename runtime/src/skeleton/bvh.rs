@@ -1,7 +1,7 @@
 //! Recorded motion from BVH text to poses of a wearer's skeleton. Pure: bytes in, poses out.
 //!
-//! - Joints are known by name (VRM and Unity, Mixamo and LAFAN1, CMU, joint-named, Kinect, MakeHuman). The rotation of
-//!   a joint that is no bone is not lost: the bones below it turn by it.
+//! - Joints are known by name (VRM and Unity, Mixamo and LAFAN1, CMU, joint-named, Kinect, MakeHuman), and where names say
+//!   nothing by how they branch. The rotation of a joint that is no bone is not lost: the bones below it turn by it.
 //! - Rotations are relative to the T-pose. The T-pose is taken from the OFFSETs where these hold the arms sideways
 //!   within 25°, else from the first frame if that does, else from the OFFSETs ([`Reference`] says which). What then
 //!   still lies between a limb's direction and that of the wearer's T-pose is closed by the shortest turn, limb by
@@ -10,6 +10,7 @@
 //! - Lengths are scaled by the ratio of the legs. The hips' way begins at the first frame.
 
 mod names;
+mod structure;
 mod text;
 
 pub use text::{BvhError, Problem, limits};
@@ -30,6 +31,8 @@ pub struct Motion {
     /// The wearer's metres per unit of the file, by the length of the legs; `None` where the file or the wearer has
     /// no legs, and then the hips stay in their place.
     pub metres_per_unit: Option<f64>,
+    /// Whether joints were known by their names; if not, by how they branch, which is a guess.
+    pub names_tell: bool,
     /// Joints that are no bone of the wearer.
     pub unmapped: Vec<String>,
 }
@@ -94,6 +97,7 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Motion, BvhError> {
         poses: poses.collect(),
         reference,
         metres_per_unit,
+        names_tell: rig.names_tell,
         unmapped: names.filter(|(j, _)| !worn.contains(j)).map(|(_, joint)| joint.name.clone()).collect(),
     })
 }
@@ -113,6 +117,8 @@ const LEGS: [Limb; 2] = [
 struct Rig {
     joint_of: [Option<usize>; Bone::COUNT],
     hips: usize,
+    /// Whether names told that, not how the joints branch.
+    names_tell: bool,
     /// Line to name where bones are missing.
     line: usize,
 }
@@ -120,8 +126,17 @@ struct Rig {
 impl Rig {
     fn new(recording: &Recording) -> Result<Rig, BvhError> {
         let names: Vec<&str> = recording.joints.iter().map(|joint| joint.name.as_str()).collect();
+        let by_name = names::bones_of(&names);
+        let is_known = |bone| by_name.contains(&Some(bone));
+        let needed = [Bone::Hips, Bone::LeftUpperArm, Bone::RightUpperArm];
+        let by_structure = if needed.into_iter().all(is_known) {
+            None
+        } else {
+            structure::bones_of(&recording.joints, &recording.rest())
+        };
+        let names_tell = by_structure.is_none();
         let mut joint_of = [None; Bone::COUNT];
-        for (joint, bone) in names::bones_of(&names).into_iter().enumerate() {
+        for (joint, bone) in by_structure.unwrap_or(by_name).into_iter().enumerate() {
             if let Some(bone) = bone {
                 joint_of[bone as usize] = Some(joint);
             }
@@ -129,7 +144,7 @@ impl Rig {
         let line = recording.joints[0].line;
         let unknown = |missing| BvhError { line, problem: Problem::Unknown { missing } };
         let hips = joint_of[Bone::Hips as usize].ok_or_else(|| unknown("hips"))?;
-        let rig = Rig { joint_of, hips, line };
+        let rig = Rig { joint_of, hips, names_tell, line };
         for [upper, _, _] in ARMS {
             rig.joint(upper).ok_or_else(|| unknown(upper.name()))?;
         }

@@ -4,10 +4,31 @@
 mod bone;
 #[cfg(feature = "bvh")]
 pub mod bvh;
+#[cfg(feature = "recordings")]
+pub mod deepmimic;
+pub mod filter;
+#[cfg(feature = "recordings")]
+pub mod jsonl;
+#[cfg(feature = "recordings")]
+pub mod kinect;
+#[cfg(feature = "recordings")]
+pub mod mediapipe;
+#[cfg(feature = "vmc")]
+pub mod osc;
+#[cfg(feature = "positions")]
+pub mod positions;
+#[cfg(feature = "recordings")]
+pub mod recording;
+mod tracked;
 mod twist;
+#[cfg(feature = "vmc")]
+pub mod vmc;
+#[cfg(feature = "recordings")]
+pub mod vrma;
 
 pub use bone::Bone;
 use glam::{Affine3A, Quat, Vec3};
+pub use tracked::{RestPose, Tracked, Turned};
 
 /// One joint of a [`Skeleton`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +105,12 @@ impl Skeleton {
     #[must_use]
     pub fn index_of(&self, bone: Bone) -> Option<usize> {
         self.joints.iter().position(|joint| joint.bone == bone)
+    }
+
+    /// Where a bone's joint rests, metres, if this skeleton has it.
+    #[must_use]
+    pub fn rest_m(&self, bone: Bone) -> Option<Vec3> {
+        self.index_of(bone).map(|joint| self.joints[joint].rest_m)
     }
 
     /// Writes, for every joint, the transform from the T-pose to the pose (`posed_from_rest`), which is what skinning

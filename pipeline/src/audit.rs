@@ -1,0 +1,167 @@
+//! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body itself and not
+//! against the proxies that clear it. Knows neither files nor how poses are chosen.
+
+use crate::ir::Body;
+use glam::{Affine3A, Vec3};
+use kitsuke::evaluate::{blend, clear, skin};
+use kitsuke::skeleton::Pose;
+use kitsuke::{Garment, Rates, Scratch, pose_blend};
+use parry3d::query::PointQueryWithLocation;
+use parry3d::shape::{TriMesh, TriMeshFlags};
+use rayon::prelude::*;
+
+/// Cloth deeper than this counts as this deep, metres.
+pub const DEEPEST_M: f32 = 0.08;
+/// Upper ends of the classes of [`Side::classes`], metres; the last class holds everything deeper.
+pub const CLASSES_M: [f32; 6] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02];
+
+/// At most so many vertices of a pose are made certain of.
+const CERTAIN: usize = 40;
+
+/// Cloth that lies in the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Depth {
+    /// How deep, metres; 0 when none does.
+    pub depth_m: f32,
+    /// Number of the pose among those measured.
+    pub pose: usize,
+    /// Unique vertex of the garment.
+    pub vertex: u32,
+    /// The joint that the nearest skin follows most, a number in the body's skeleton.
+    pub joint: u8,
+}
+
+/// What was found with or without clearance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Side {
+    /// The deepest vertex of each pose.
+    pub by_pose: Vec<Depth>,
+    /// How many vertices of all poses lie how deep; see [`CLASSES_M`].
+    pub classes: [usize; CLASSES_M.len() + 1],
+}
+
+/// What was found in a series of poses.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Audit {
+    /// Blended and skinned only.
+    pub before: Side,
+    /// As frames show it.
+    pub after: Side,
+}
+
+impl Side {
+    /// The deepest vertex of all poses.
+    #[must_use]
+    pub fn worst(&self) -> Depth {
+        self.by_pose.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default()
+    }
+
+    /// How many poses have a vertex deeper than this.
+    #[must_use]
+    pub fn poses_beyond(&self, depth_m: f32) -> usize {
+        self.by_pose.iter().filter(|depth| depth.depth_m > depth_m).count()
+    }
+
+    fn add(&mut self, depths: &[Depth]) {
+        self.by_pose.push(depths.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default());
+        for depth in depths {
+            let class = CLASSES_M.iter().position(|&end_m| depth.depth_m <= end_m);
+            self.classes[class.unwrap_or(CLASSES_M.len())] += 1;
+        }
+    }
+}
+
+/// Measures these poses with the garment's own kernel.
+///
+/// # Panics
+/// When the body's surface is no triangle mesh, which no stage before lets pass.
+#[must_use]
+pub fn audit(body: &Body, garment: &Garment, poses: &[Pose]) -> Audit {
+    let measure = |(number, pose): (usize, &Pose)| pose_depths(body, garment, number, pose);
+    let found: Vec<[Vec<Depth>; 2]> = poses.par_iter().enumerate().map(measure).collect();
+    let mut audit = Audit::default();
+    for [before, after] in &found {
+        audit.before.add(before);
+        audit.after.add(after);
+    }
+    audit
+}
+
+/// Every vertex that lies in the body in this pose, without and with clearance.
+#[must_use]
+pub fn pose_depths(body: &Body, garment: &Garment, number: usize, pose: &Pose) -> [Vec<Depth>; 2] {
+    let pose = pose.sanitised();
+    let posed_body = PosedBody::new(body, &pose);
+    let (mut scratch, mut rates) = (Scratch::new(garment), Rates::new(garment));
+    let mut cleared_m = vec![Vec3::ZERO; garment.unique_count()];
+    pose_blend::rates(garment.kernel(), garment, &pose, &mut rates);
+    blend(garment, &rates, &mut scratch);
+    skin(garment, &pose, &mut scratch, &mut cleared_m);
+    let skinned_m = cleared_m.clone();
+    clear(garment, &pose, &mut scratch, &mut cleared_m);
+    let (mut before, mut after) = (Vec::new(), Vec::new());
+    for (vertex, (skinned_m, cleared_m)) in skinned_m.iter().zip(&cleared_m).enumerate() {
+        let depth = |place_m| {
+            let (depth_m, joint) = posed_body.depth(place_m)?;
+            Some(Depth { depth_m, pose: number, vertex: vertex as u32, joint })
+        };
+        let skinned = depth(*skinned_m);
+        before.extend(skinned);
+        after.extend(if cleared_m == skinned_m { skinned } else { depth(*cleared_m) });
+    }
+    // The nearest skin may belong to a fold of the posed body, whose side says nothing. The deepest are made certain.
+    for (depths, places_m) in [(&mut before, &skinned_m), (&mut after, &cleared_m)] {
+        depths.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
+        let is_inside = |depth: &Depth| winding(&posed_body.mesh, places_m[depth.vertex as usize]) > 0.5;
+        let outside = depths.iter().take(CERTAIN).take_while(|depth| !is_inside(depth)).count();
+        depths.drain(..outside);
+    }
+    [before, after]
+}
+
+/// The posed body, ready for questions.
+struct PosedBody<'a> {
+    body: &'a Body,
+    mesh: TriMesh,
+}
+
+impl<'a> PosedBody<'a> {
+    fn new(body: &'a Body, pose: &Pose) -> PosedBody<'a> {
+        let mut transforms = vec![Affine3A::IDENTITY; body.skeleton.joints().len()];
+        body.skeleton.posed_from_rest(pose, &mut transforms);
+        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| -> Vec3 {
+            weights.iter().map(|&(joint, w)| transforms[usize::from(joint)].transform_point3(*p) * w).sum()
+        };
+        let points = body.surface.positions_m.iter().zip(&body.skin).map(posed);
+        let points = points.map(|p| p.to_array().into()).collect();
+        let mesh = TriMesh::with_flags(points, body.surface.triangles.clone(), TriMeshFlags::ORIENTED);
+        PosedBody { body, mesh: mesh.expect("the body's surface has triangles") }
+    }
+
+    /// How deep a point lies in the body, and the joint of the skin that is nearest.
+    fn depth(&self, place_m: Vec3) -> Option<(f32, u8)> {
+        let place = place_m.to_array().into();
+        let (nearest, (triangle, _)) =
+            self.mesh.project_local_point_and_get_location_with_max_dist(place, false, DEEPEST_M)?;
+        let depth_m = Vec3::new(nearest.point.x, nearest.point.y, nearest.point.z).distance(place_m);
+        let corner = self.body.surface.triangles[triangle as usize][0] as usize;
+        let joint = self.body.skin[corner].iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(joint, _)| *joint);
+        nearest.is_inside.then_some((depth_m, joint))
+    }
+}
+
+/// How often a closed surface winds round a point, by the solid angles of its triangles (van Oosterom, Strackee: The
+/// Solid Angle of a Plane Triangle, 1983): 1 or more inside, even where the surface passes through itself.
+fn winding(mesh: &TriMesh, place_m: Vec3) -> f32 {
+    let corners = mesh.vertices();
+    let solid_rad = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|v| {
+            let p = corners[v as usize];
+            Vec3::new(p.x, p.y, p.z) - place_m
+        });
+        let [la, lb, lc] = [a.length(), b.length(), c.length()];
+        let whole = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        2.0 * libm::atan2f(a.dot(b.cross(c)), whole)
+    };
+    mesh.indices().iter().map(solid_rad).sum::<f32>() / (4.0 * std::f32::consts::PI)
+}

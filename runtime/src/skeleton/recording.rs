@@ -1,0 +1,173 @@
+//! A recorded motion of any known format, told apart by its content. Knows the formats only by their readers. Pure: bytes in, poses out.
+
+use super::tracked::Tracked;
+use super::{Skeleton, bvh, deepmimic, jsonl, kinect, mediapipe, vrma};
+
+/// Poses of one wearer over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// What the bytes were.
+    pub format: Format,
+    /// Seconds of each frame, none before the one ahead of it, the first at 0; as many as `frames`, at least 1.
+    pub times_s: Vec<f64>,
+    /// Rotations relative to the T-pose.
+    pub frames: Vec<Tracked>,
+    /// How the file was understood where it left that open, each a sentence without a full stop.
+    pub notes: Vec<String>,
+}
+
+/// The formats that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Biovision hierarchy.
+    Bvh,
+    /// Binary glTF with `VRMC_vrm_animation` (.vrma), or an animated VRM 1.0 or 0.x.
+    Gltf,
+    /// The recorder's own lines, rotations or positions.
+    JsonLines,
+    /// MediaPipe pose landmarks.
+    MediaPipe,
+    /// DeepMimic reference motion.
+    DeepMimic,
+    /// Kinect joints as comma-separated values.
+    Kinect,
+}
+
+/// Most frames of a recording: 18 minutes at 120 Hz.
+pub const MOST_FRAMES: usize = 1 << 17;
+/// Longest recording, seconds.
+pub const LONGEST_S: f64 = 86_400.0;
+
+/// Why bytes are no usable recording.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{place}{problem}")]
+pub struct RecordingError {
+    /// Where.
+    pub place: Place,
+    /// What is wrong there, and what to do.
+    pub problem: String,
+}
+
+/// A place in a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Nowhere in particular.
+    Whole,
+    /// A line, counted from 1.
+    Line(usize),
+    /// A frame, counted from 1.
+    Frame(usize),
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Place::Whole => Ok(()),
+            Place::Line(line) => write!(f, "line {line}: "),
+            Place::Frame(frame) => write!(f, "frame {frame}: "),
+        }
+    }
+}
+
+impl RecordingError {
+    pub(super) fn new(place: Place, problem: impl Into<String>) -> RecordingError {
+        RecordingError { place, problem: problem.into() }
+    }
+}
+
+/// What the bytes are by their first characters (for JSON, by their keys), or nothing that is known.
+#[must_use]
+pub fn format_of(bytes: &[u8]) -> Option<Format> {
+    if bytes.starts_with(b"glTF") {
+        return Some(Format::Gltf);
+    }
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let first_line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
+    match text.first()? {
+        b'{' if jsonl::is_header(first_line) => Some(Format::JsonLines),
+        b'{' if deepmimic::has_its_keys(text) => Some(Format::DeepMimic),
+        b'{' => Some(Format::MediaPipe),
+        b'0'..=b'9' if first_line.contains(&b',') => Some(Format::Kinect),
+        _ if text.len() >= 9 && text[..9].eq_ignore_ascii_case(b"HIERARCHY") => Some(Format::Bvh),
+        _ => None,
+    }
+}
+
+/// Reads a recording for this wearer.
+///
+/// # Errors
+/// What is wrong, where, and what to do.
+pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
+    let recording = match format_of(bytes) {
+        Some(Format::Bvh) => read_bvh(bytes, wearer)?,
+        Some(Format::Gltf) => vrma::read(bytes, wearer)?,
+        Some(Format::JsonLines) => jsonl::read(bytes, wearer)?,
+        Some(Format::MediaPipe) => mediapipe::read(bytes, wearer)?,
+        Some(Format::DeepMimic) => deepmimic::read(bytes, wearer)?,
+        Some(Format::Kinect) => kinect::read(bytes, wearer)?,
+        None => {
+            let problem = "this is no recording that is known; known are BVH, .vrma and VRM (binary glTF), JSON Lines, \
+                           MediaPipe and DeepMimic JSON, and Kinect joints as comma-separated values";
+            return Err(RecordingError::new(Place::Whole, problem));
+        }
+    };
+    debug_assert!(recording.frames.len() == recording.times_s.len() && !recording.frames.is_empty());
+    Ok(recording)
+}
+
+/// Checks and rebases the times of a recording: finite, in order, the first at 0.
+pub(super) fn times_from_first(times_s: &[f64], place: fn(usize) -> Place) -> Result<Vec<f64>, RecordingError> {
+    let first_s = times_s.first().copied().unwrap_or(0.0);
+    let mut last_s = 0.0;
+    let rebase = |(i, &time_s): (usize, &f64)| {
+        let time_s = time_s - first_s;
+        if !(time_s >= last_s && time_s <= LONGEST_S) {
+            let problem =
+                "its time lies before the frame ahead of it or beyond a day; correct the times or cut the recording";
+            return Err(RecordingError::new(place(i + 1), problem));
+        }
+        last_s = time_s;
+        Ok(time_s)
+    };
+    times_s.iter().enumerate().map(rebase).collect()
+}
+
+fn read_bvh(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
+    let motion = bvh::read(bytes, wearer)
+        .map_err(|error| RecordingError::new(Place::Line(error.line), error.problem.to_string()))?;
+    let mut notes = vec![
+        match motion.reference {
+            bvh::Reference::Offsets => "the T-pose is its OFFSETs",
+            bvh::Reference::FirstFrame => "the T-pose is its first frame",
+            bvh::Reference::OffsetsTurned => "the T-pose is its OFFSETs with the arms turned sideways",
+        }
+        .to_owned(),
+        match motion.metres_per_unit {
+            Some(metres) => format!("one unit is {metres:.5} m by the length of the legs"),
+            None => "it has no legs, so the hips stay in their place".to_owned(),
+        },
+    ];
+    if !motion.names_tell {
+        notes.push(
+            "no joint has a name that is known, so bones were told by how the skeleton branches; VRM names are surer"
+                .into(),
+        );
+    }
+    notes.extend(unmapped_note(&motion.unmapped));
+    Ok(Recording {
+        format: Format::Bvh,
+        times_s: (0..motion.poses.len()).map(|frame| frame as f64 * motion.frame_time_s).collect(),
+        frames: motion.poses.into_iter().map(Tracked::certain).collect(),
+        notes,
+    })
+}
+
+/// So many joints of a recording are named in a note.
+const SHOWN_JOINTS: usize = 12;
+
+/// Says which joints are no bone, if there are any.
+pub(super) fn unmapped_note(unmapped: &[String]) -> Option<String> {
+    let (shown, more) = unmapped.split_at(unmapped.len().min(SHOWN_JOINTS));
+    let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+    (!shown.is_empty()).then(|| format!("joints that are no bone of the wearer: {}{more}", shown.join(", ")))
+}

@@ -1,0 +1,79 @@
+//! What reads bytes that nobody vouches for, as functions of the bytes: nothing may panic, and what comes out must be valid. The
+//! fuzz targets in `fuzz/` and the tests that replay their corpus call the same functions.
+
+use glam::Vec3;
+use kitsuke::skeleton::vmc::Receiver;
+use kitsuke::skeleton::{Bone, Joint, Skeleton, bvh, recording, vrma};
+
+/// The name of a fuzz target and what it feeds.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// One function per fuzz target.
+pub const TARGETS: [Target; 4] = [("osc", osc), ("bvh", bvh_text), ("json", json), ("glb", glb)];
+
+/// Datagrams, each behind its length as two bytes, as a sender might interleave them; the time goes on by 10 ms each.
+pub fn osc(bytes: &[u8]) {
+    let mut receiver = Receiver::new(&small_wearer());
+    let (mut rest, mut now_s) = (bytes, 0.0);
+    while let Some((length, after)) = rest.split_first_chunk::<2>() {
+        let (datagram, after) = after.split_at(usize::from(u16::from_le_bytes(*length)).min(after.len()));
+        receiver.datagram(datagram, now_s, |tracked| assert!(tracked.pose.is_valid(), "{tracked:?}"));
+        if datagram.len() % 7 == 6 {
+            receiver.calibrate();
+        }
+        now_s += 0.01;
+        rest = after;
+    }
+    assert!(receiver.pose(now_s, 0.5).pose.is_valid());
+}
+
+/// BVH text.
+pub fn bvh_text(bytes: &[u8]) {
+    if let Ok(motion) = bvh::read(bytes, &small_wearer()) {
+        assert!(!motion.poses.is_empty() && motion.poses.iter().all(kitsuke::skeleton::Pose::is_valid));
+    }
+}
+
+/// Everything that is told apart by content: JSON Lines, MediaPipe, DeepMimic, Kinect.
+pub fn json(bytes: &[u8]) {
+    if let Ok(recording) = recording::read(bytes, &small_wearer()) {
+        assert!(recording.frames.iter().all(|frame| frame.pose.is_valid()));
+        assert!(!recording.frames.is_empty() && recording.frames.len() == recording.times_s.len());
+        assert!(recording.times_s.windows(2).all(|pair| pair[0] <= pair[1]));
+    }
+}
+
+/// Binary glTF: the JSON up to the first zero byte, the binary part after it, so that a fuzzer need not count bytes.
+pub fn glb(bytes: &[u8]) {
+    let middle = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+    let mut file = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
+    for (kind, chunk) in [(b"JSON", &bytes[..middle]), (b"BIN\0", bytes.get(middle + 1..).unwrap_or_default())] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    if let Ok(recording) = vrma::read(&file, &small_wearer()) {
+        assert!(!recording.frames.is_empty() && recording.frames.iter().all(|frame| frame.pose.is_valid()));
+    }
+    if let Ok(rest) = vrma::read_rest(&file) {
+        assert!(rest.local.iter().chain(&rest.world).all(|rotation| rotation.is_normalized()));
+    }
+    json(bytes);
+}
+
+fn small_wearer() -> Skeleton {
+    let joints = [
+        (Bone::Hips, None, Vec3::new(0.0, 0.8, 0.0)),
+        (Bone::Chest, Some(0), Vec3::new(0.0, 1.0, 0.0)),
+        (Bone::LeftUpperArm, Some(1), Vec3::new(0.15, 1.2, 0.0)),
+        (Bone::LeftLowerArm, Some(2), Vec3::new(0.4, 1.2, 0.0)),
+        (Bone::LeftHand, Some(3), Vec3::new(0.6, 1.2, 0.0)),
+        (Bone::RightUpperArm, Some(1), Vec3::new(-0.15, 1.2, 0.0)),
+        (Bone::RightLowerArm, Some(5), Vec3::new(-0.4, 1.2, 0.0)),
+        (Bone::LeftUpperLeg, Some(0), Vec3::new(0.1, 0.8, 0.0)),
+        (Bone::LeftLowerLeg, Some(7), Vec3::new(0.1, 0.4, 0.0)),
+        (Bone::LeftFoot, Some(8), Vec3::new(0.1, 0.1, 0.0)),
+    ];
+    let joint = |&(bone, parent, rest_m): &(Bone, Option<u8>, Vec3)| Joint { bone, parent, rest_m };
+    Skeleton::new(joints.iter().map(joint).collect()).expect("the small wearer is a skeleton")
+}
