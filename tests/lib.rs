@@ -8,13 +8,12 @@ pub mod random;
 
 use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::Garment;
-use kitsuke::clearance::{Guarded, Proxy, Surfel};
-use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
-use kitsuke::garment::{
+use kitsuke::arrays::{
     Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target,
 };
+use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
 use kitsuke::measurement::{Measurement, Measurements};
-use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 use kitsuke::tailoring::{Check, DimensionRule, Level, Limit, Op, RuleSet, Side};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
@@ -79,7 +78,6 @@ pub fn small_garment_data() -> GarmentData {
         },
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
-        proxies: Vec::new(),
     }
 }
 
@@ -181,30 +179,6 @@ fn small_certificate() -> Certificate {
         step_change_mm: 0.002,
         left_out: (1..4u8).map(f32::from).map(|i| LeftOut { mean_mm: i, p99_mm: 5.0 * i, max_mm: 9.0 * i }).collect(),
         nearest: NearestPair { rows: [0, 2], apart_deg: 90.0 },
-    }
-}
-
-/// A rod of 5 cm along x from -0.3 to 0.3 that the first joint moves, and the vertices that it keeps out.
-#[must_use]
-pub fn rod(guarded: std::ops::Range<u32>) -> Proxy {
-    const AROUND: usize = 24;
-    const ALONG: usize = 48;
-    let surfel = |number: usize| {
-        let angle_rad = (number % AROUND) as f32 / AROUND as f32 * std::f32::consts::TAU;
-        let normal = Vec3::new(0.0, libm::cosf(angle_rad), libm::sinf(angle_rad));
-        let x = (number / AROUND) as f32 / (ALONG - 1) as f32 * 0.6 - 0.3;
-        Surfel {
-            place_m: Vec3::X * x + normal * 0.05,
-            normal,
-            radius_m: 0.03,
-            share: 0.18,
-            skin: SkinWeights { joints: [0; 4], weights: [u16::MAX, 0, 0, 0] },
-        }
-    };
-    Proxy {
-        name: "rod".to_owned(),
-        surfels: (0..AROUND * ALONG).map(surfel).collect(),
-        guarded: guarded.map(|vertex| Guarded { vertex, side: [0; 3] }).collect(),
     }
 }
 

@@ -1,8 +1,9 @@
 //! Random garments and poses, the same for the same seed.
 
 use glam::{DVec3, Quat, Vec2, Vec3};
-use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
-use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
+use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::garment::Garment;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 
 /// SplitMix64 (Steele, Lea and Flood 2014): one seed is one garment.
@@ -133,7 +134,6 @@ pub fn garment(seed: u64) -> Garment {
         },
         rbf: None,
         certificate: None,
-        proxies: Vec::new(),
         drivers,
         segments,
         targets,

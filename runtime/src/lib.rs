@@ -72,7 +72,7 @@
 //!
 //! The crate opens no file, starts no thread and reads no clock.
 
-pub mod clearance;
+pub mod arrays;
 #[cfg(feature = "fit")]
 pub mod envelope_cholesky;
 pub mod evaluate;
@@ -82,6 +82,7 @@ pub mod garment;
 #[cfg(feature = "fit")]
 pub mod measurement;
 pub mod pack;
+mod plan;
 pub mod pose_blend;
 pub mod skeleton;
 #[cfg(feature = "fit")]
@@ -89,7 +90,8 @@ pub mod sparse_cholesky;
 #[cfg(feature = "fit")]
 pub mod tailoring;
 
+pub use arrays::InvalidGarment;
 pub use evaluate::{Frame, Scratch, evaluate, evaluate_with_rates};
-pub use garment::{Garment, InvalidGarment};
+pub use garment::Garment;
 pub use pack::{OpenError, Pack};
 pub use pose_blend::Rates;

@@ -8,7 +8,7 @@ use kitsuke::{Frame, Pack, Rates, Scratch, evaluate, evaluate_with_rates};
 fn evaluating_allocates_nothing() {
     let garment = kitsuke_tests::small_garment();
     let mut scratch = Scratch::new(&garment);
-    let mut rates = Rates::new(&garment);
+    let mut rates = Rates::new(garment.data());
     rates.set(0, 2, 1.0);
     let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
     let mut normals = positions_m.clone();

@@ -1,9 +1,9 @@
 //! Opening holds no more memory than documented, whatever the bytes say.
 
 use glam::{DVec3, Quat, Vec3};
-use kitsuke::garment::{Driver, GarmentData, Segment, Target, limits};
+use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::arrays::{Driver, GarmentData, Segment, Target, limits};
 use kitsuke::pack::write::write;
-use kitsuke::pose_blend::rbf::{ChainJoint, Group, Rbf};
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 use kitsuke::{Garment, Pack};
 use kitsuke_tests::container::{Container, for_each_damage};

@@ -9,7 +9,7 @@ use kitsuke::fit::{
 };
 use kitsuke::garment::Garment;
 use kitsuke::measurement::{Measurement, Measurements};
-use kitsuke_pipeline::size_errors::{self, Method, SizeError};
+use kitsuke_pipeline::measure::size_errors::{self, Method, SizeError};
 use kitsuke_pipeline::source::{measurements, rules};
 use serde_json::json;
 use std::path::Path;

@@ -1,9 +1,10 @@
 //! Frames against a slow, plainly written evaluation in double precision, and what `evaluate` promises besides.
 
 use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
-use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::arrays::Group;
+use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::garment::Garment;
 use kitsuke::pose_blend::Kernel;
-use kitsuke::pose_blend::rbf::Group;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 use kitsuke::{Frame, Rates, Scratch, evaluate, evaluate_with_rates, pose_blend};
 use kitsuke_tests::random::{Numbers, garment, with_rbf};
@@ -213,8 +214,8 @@ proptest! {
         let garment = with_rbf(&garment(seed), &mut n);
         prop_assume!(garment.data().rbf.is_some());
         let pose = n.pose();
-        let mut rates = Rates::new(&garment);
-        pose_blend::rates(Kernel::Rbf, &garment, &pose, &mut rates);
+        let mut rates = Rates::new(garment.data());
+        garment.blend_rates(Kernel::Rbf, &pose, &mut rates);
         let followed = untwisted(&pose);
         prop_assume!(followed.is_some());
         for driver in 0..garment.data().drivers.len() {
@@ -225,8 +226,8 @@ proptest! {
         }
         let mut negated = pose.clone();
         negated.rotations.iter_mut().for_each(|rotation| *rotation = -*rotation);
-        let mut again = Rates::new(&garment);
-        pose_blend::rates(Kernel::Rbf, &garment, &negated, &mut again);
+        let mut again = Rates::new(garment.data());
+        garment.blend_rates(Kernel::Rbf, &negated, &mut again);
         prop_assert_eq!(rates, again, "a rotation and its negated quaternion are the same");
     }
 }
@@ -239,7 +240,7 @@ proptest! {
         let garment = garment(seed);
         let n = &mut Numbers(!seed);
         let pose = n.pose();
-        let mut rates = Rates::new(&garment);
+        let mut rates = Rates::new(garment.data());
         for driver in 0..garment.data().drivers.len() {
             for target in 0..garment.data().targets.len() {
                 rates.set(driver, target, if n.below(3) == 0 { 0.0 } else { n.signed() });
@@ -299,8 +300,8 @@ proptest! {
         let (mut scratch, mut found) = (Scratch::new(&garment), Buffers::new(&garment));
         evaluate(&garment, &pose, &mut scratch, found.frame());
         prop_assert!(found.is_finite());
-        let mut rates = Rates::new(&garment);
-        pose_blend::paper(&garment, &pose, &mut rates);
+        let mut rates = Rates::new(garment.data());
+        pose_blend::paper(garment.data(), &pose, &mut rates);
         for driver in 0..garment.data().drivers.len() {
             for target in 0..garment.data().targets.len() {
                 rates.set(driver, target, number());
@@ -344,21 +345,20 @@ fn triangle() -> GarmentData {
         },
         rbf: None,
         certificate: None,
-        proxies: Vec::new(),
     }
 }
 
 fn rates_at(data: GarmentData, rotation: Quat) -> Vec<f32> {
     let garment = Garment::new(data).unwrap();
-    let mut rates = Rates::new(&garment);
-    pose_blend::paper(&garment, &Pose::REST.with(Bone::Hips, rotation), &mut rates);
+    let mut rates = Rates::new(garment.data());
+    pose_blend::paper(garment.data(), &Pose::REST.with(Bone::Hips, rotation), &mut rates);
     rates.driver(0).to_vec()
 }
 
 #[test]
 fn a_target_at_rate_one_is_reproduced_and_twins_follow() {
     let garment = Garment::new(triangle()).unwrap();
-    let mut rates = Rates::new(&garment);
+    let mut rates = Rates::new(garment.data());
     rates.set(0, 1, 1.0);
     let (mut scratch, mut found) = (Scratch::new(&garment), Buffers::new(&garment));
     evaluate_with_rates(&garment, &Pose::REST, &rates, &mut scratch, found.frame());

@@ -2,8 +2,8 @@
 
 use glam::{Quat, Vec2};
 use kitsuke::Garment;
-use kitsuke::garment::{Certificate, GarmentData, Part, limits};
-use kitsuke::pose_blend::rbf::Rbf;
+use kitsuke::arrays::Rbf;
+use kitsuke::arrays::{Certificate, GarmentData, Part, limits};
 use kitsuke::skeleton::Bone;
 use kitsuke_tests::{small_garment, small_garment_data};
 use std::f32::consts::PI;

@@ -73,13 +73,56 @@ fn only_source_derives_deserialize_and_reads_foreign_formats() {
 /// Invariant 3.
 #[test]
 fn stages_touch_no_files_no_globals_and_no_terminal() {
-    let stages = ["skin", "weights", "laplacian", "deltas", "regions", "kernel", "compress", "verify"];
-    let files = stages.map(|stage| repository().join(format!("pipeline/src/{stage}.rs")));
+    let files = [rust_files("pipeline/src/stages"), rust_files("pipeline/src/measure")].concat();
     let words =
         ["fs", "File", "env", "io", "print", "println", "eprintln", "static", "thread_local", "Mutex", "Instant"];
     let found = uses(&files, &words);
     let is_state = |line: &String| !line.contains("&'static ");
     assert_eq!(found.into_iter().filter(is_state).collect::<Vec<_>>(), [""; 0]);
+}
+
+/// A room stands on rooms before it in these lists and imports from no other.
+#[test]
+fn rooms_stand_on_the_floors_below_them() {
+    let runtime: &[&[&str]] = &[
+        &["skeleton", "measurement", "envelope_cholesky"],
+        &["arrays", "tailoring", "sparse_cholesky"],
+        &["plan", "pose_blend"],
+        &["garment"],
+        &["evaluate", "fit"],
+        &["pack"],
+    ];
+    let pipeline: &[&[&str]] = &[
+        &["diagnostic", "ir", "memo"],
+        &["source", "look", "stages"],
+        &["check", "measure"],
+        &["load", "build"],
+        &["catalog"],
+    ];
+    for (folder, floors) in [("runtime/src", runtime), ("pipeline/src", pipeline)] {
+        let floor_of = |room: &str| floors.iter().position(|floor| floor.contains(&room));
+        for path in rust_files(folder) {
+            let place = path.strip_prefix(repository().join(folder)).unwrap();
+            let room = place.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
+            if room == "lib" {
+                continue;
+            }
+            let floor = floor_of(room).unwrap_or_else(|| panic!("{folder}/{room} stands on no floor"));
+            let text = fs::read_to_string(&path).unwrap();
+            // Tests may climb.
+            let text = text.split("#[cfg(test)]\nmod tests").next().unwrap();
+            let code: String = text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n");
+            let named = code.split("crate::").skip(1).flat_map(|rest| match rest.strip_prefix('{') {
+                Some(group) => group.split('}').next().unwrap().split(',').collect(),
+                None => vec![rest],
+            });
+            for name in named {
+                let name = name.trim().split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap();
+                let is_below = name == room || floor_of(name).is_some_and(|other| other < floor);
+                assert!(is_below, "{folder}/{} imports from {name}", place.display());
+            }
+        }
+    }
 }
 
 /// Invariant 4. That frames are in metres is tested in the suite `look` against the artist's files.

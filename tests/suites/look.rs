@@ -2,17 +2,17 @@
 
 use glam::{Vec2, Vec3};
 use image::{Rgb, RgbImage};
-use kitsuke::garment::GarmentData;
+use kitsuke::arrays::GarmentData;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, evaluate_with_rates};
-use kitsuke_pipeline::frames::{
+use kitsuke_pipeline::look::frames::{
     Blend, Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj,
 };
+use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use kitsuke_pipeline::look::scene::{Colours, Framing, Scene, View};
+use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_pipeline::look::texture::Texture;
 use kitsuke_pipeline::memo::Memo;
-use kitsuke_pipeline::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
-use kitsuke_pipeline::scene::{Colours, Framing, Scene, View};
-use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
-use kitsuke_pipeline::texture::Texture;
 use kitsuke_tests::{small_garment, small_garment_data};
 use proptest::prelude::*;
 use std::path::Path;
@@ -237,7 +237,7 @@ fn npy_holds_every_frame_in_the_order_of_the_base_file() {
     assert_eq!(values.len(), 4 * 60 * 3);
     let [mut positions_m, mut normals] = [(); 2].map(|()| vec![Vec3::ZERO; garment.vertex_count()]);
     for (frame, shot) in shots.iter().enumerate() {
-        let mut rates = Rates::new(&garment);
+        let mut rates = Rates::new(garment.data());
         (0..if frame > 0 { 2 } else { 0 }).for_each(|driver| rates.set(driver, frame - 1, 1.0));
         let buffers = Frame { positions_m: &mut positions_m, normals: &mut normals };
         evaluate_with_rates(&garment, &shot.pose, &rates, &mut Scratch::new(&garment), buffers);

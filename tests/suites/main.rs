@@ -2,7 +2,6 @@
 
 mod blending;
 mod build;
-mod clearance;
 mod fit;
 mod fit_data;
 mod frame;

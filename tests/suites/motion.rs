@@ -1,7 +1,8 @@
 //! Recorded motion: BVH text against an independent reading of the same file, and every mistake's message.
 
 use glam::{DMat3, DVec3, Quat, Vec3};
-use kitsuke::garment::{Driver, Garment, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::garment::Garment;
 use kitsuke::skeleton::bvh::{self, Motion, Reference};
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 use kitsuke::{Rates, pose_blend};
@@ -376,13 +377,12 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
         },
         rbf: None,
         certificate: None,
-        proxies: Vec::new(),
     })
     .unwrap();
-    let mut rates = Rates::new(&garment);
+    let mut rates = Rates::new(garment.data());
     let mut active: Vec<usize> = Vec::new();
     for pose in &motion.poses {
-        pose_blend::paper(&garment, pose, &mut rates);
+        pose_blend::paper(garment.data(), pose, &mut rates);
         active.push((0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count());
     }
     assert!(active.iter().all(|&count| count >= 8), "{active:?}");

@@ -11,7 +11,7 @@ fn cross_sections_m2(garment: &Garment, pose: &Pose) -> Vec<f32> {
     let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
     let mut normals = positions_m.clone();
     let frame = Frame { positions_m: &mut positions_m, normals: &mut normals };
-    evaluate_with_rates(garment, pose, &Rates::new(garment), &mut Scratch::new(garment), frame);
+    evaluate_with_rates(garment, pose, &Rates::new(garment.data()), &mut Scratch::new(garment), frame);
     let enclosed = |ring: &[Vec3]| {
         let next = ring.iter().cycle().skip(1);
         ring.iter().zip(next).map(|(a, b)| (a - ring[0]).cross(b - ring[0])).sum::<Vec3>().length() / 2.0

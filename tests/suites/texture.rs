@@ -1,10 +1,12 @@
 //! A pattern on the sample kimono in its sizes.
 
 use glam::{Vec2, Vec3};
+use kitsuke::arrays::SkinWeights;
 use kitsuke::fit::texture::{TextureScratch, Texturer};
-use kitsuke::garment::{Garment, SkinWeights};
-use kitsuke_pipeline::distortion::{Distortion, Worn, distortion, m_per_uv};
-use kitsuke_pipeline::{compress, fit_data, ir, load};
+use kitsuke::garment::Garment;
+use kitsuke_pipeline::measure::distortion::{Distortion, Worn, distortion, m_per_uv};
+use kitsuke_pipeline::stages::{compress, fit_data};
+use kitsuke_pipeline::{ir, load};
 use std::path::Path;
 
 /// Each size's own shape and flat pieces: nothing is fitted here, so that what is wrong is the correction.

@@ -2,13 +2,14 @@
 
 use glam::{Mat3, Quat, Vec3};
 use kitsuke::Pack;
+use kitsuke::arrays::{InvalidGarment, Target};
 use kitsuke::fit::{FitData, FitError, Fitter, Transfer};
-use kitsuke::garment::{Garment, InvalidGarment, Target};
+use kitsuke::garment::Garment;
 use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke_pipeline::build_garment;
-use kitsuke_pipeline::fitted::{FittedError, fitted};
-use kitsuke_pipeline::frames::{Blend, Shot, Stage};
+use kitsuke_pipeline::look::fitted::{FittedError, fitted};
+use kitsuke_pipeline::look::frames::{Blend, Shot, Stage};
 use kitsuke_pipeline::memo::Memo;
 use kitsuke_tests::{AROUND, small_fit, small_garment, small_garment_data};
 

@@ -2,12 +2,14 @@
 
 use glam::Vec3;
 use kitsuke::Pack;
+use kitsuke::arrays::SkinWeights;
 use kitsuke::fit::FitData;
-use kitsuke::garment::{Garment, SkinWeights};
+use kitsuke::garment::Garment;
 use kitsuke::pack::layout::FLDS;
 use kitsuke::pack::write::write_with_fit;
-use kitsuke_pipeline::weld_quality::{measure, source_shape};
-use kitsuke_pipeline::{compress, fit_data, ir, load, weld};
+use kitsuke_pipeline::measure::weld_quality::{measure, source_shape};
+use kitsuke_pipeline::stages::{compress, fit_data, weld};
+use kitsuke_pipeline::{ir, load};
 use std::path::Path;
 use std::sync::LazyLock;
 

@@ -2,18 +2,17 @@
 
 use crate::places::{Places, write_whole};
 use kitsuke::Garment;
-use kitsuke::garment::GarmentData;
 use kitsuke::skeleton::Pose;
-use kitsuke_pipeline::audit::{Audit, CLASSES_M, Depth, audit, pose_depths};
-use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::ir::Body;
-use kitsuke_pipeline::pose_space;
-use kitsuke_pipeline::scene::{Colours, Figure, Framing, Scene, View};
-use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes};
+use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
+use kitsuke_pipeline::look::scene::{Colours, Framing, Scene, View};
+use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
+use kitsuke_pipeline::measure::audit::{Audit, CLASSES_M, Depth, audit, deepest, pose_depths};
+use kitsuke_pipeline::measure::pose_space;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Measure how deep the cloth lies in the wearer, without and with clearance, and draw the worst pose
+/// Measure how deep the cloth lies in the wearer, and draw the worst pose
 #[derive(clap::Args)]
 pub struct Args {
     /// A kimono's ID
@@ -61,14 +60,12 @@ fn report(args: &Args) -> Result<(), String> {
 }
 
 fn print_audit(garment: &Garment, body: &Body, found: &Audit) {
-    for (name, side) in [("without clearance", &found.before), ("with clearance", &found.after)] {
-        println!("{name}: worst {}", described(garment, body, &side.worst()));
-        let (all, beyond) = (side.by_pose.len(), side.poses_beyond(MARKED_M));
-        println!("  {beyond} of {all} poses have a vertex deeper than {} mm", MARKED_M * 1e3);
-        let ends = CLASSES_M.iter().map(|end_m| format!("up to {} mm", end_m * 1e3));
-        for (end, count) in ends.chain(["deeper".to_owned()]).zip(side.classes) {
-            println!("  {end:<12} {count:>9} vertices");
-        }
+    println!("worst {}", described(garment, body, &found.worst()));
+    let (all, beyond) = (found.by_pose.len(), found.poses_beyond(MARKED_M));
+    println!("{beyond} of {all} poses have a vertex deeper than {} mm", MARKED_M * 1e3);
+    let ends = CLASSES_M.iter().map(|end_m| format!("up to {} mm", end_m * 1e3));
+    for (end, count) in ends.chain(["deeper".to_owned()]).zip(found.classes) {
+        println!("  {end:<12} {count:>9} vertices");
     }
 }
 
@@ -76,9 +73,8 @@ fn print_audit(garment: &Garment, body: &Body, found: &Audit) {
 fn print_samples(garment: &Garment, body: &Body) {
     println!("at the samples, where the artist's shapes stay as they are:");
     for (number, shot) in own_poses(garment).iter().enumerate() {
-        let [_, after] = pose_depths(body, garment, number, &shot.pose);
-        let worst = after.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
-        if let Some(worst) = worst.filter(|worst| worst.depth_m > 1e-3) {
+        let worst = deepest(&pose_depths(body, garment, number, &shot.pose));
+        if worst.depth_m > 1e-3 {
             println!("  {:<26} {}", shot.name, described(garment, body, &worst));
         }
     }
@@ -91,41 +87,26 @@ fn described(garment: &Garment, body: &Body, depth: &Depth) -> String {
     format!("{mm:.2} mm in {} at vertex {source_vertex} of the base file, pose {}", bone.name(), depth.pose)
 }
 
-/// The pose that was worst without clearance and the one that still is with it, each without and with, penetrating
-/// cloth red.
+/// The worst pose from two sides, penetrating cloth red.
 fn draw(
     garment: &Garment,
     source: &kitsuke_pipeline::ir::Garment,
     poses: &[Pose],
     found: &Audit,
 ) -> Result<Vec<u8>, String> {
-    let data = GarmentData { proxies: Vec::new(), ..garment.data().clone() };
-    let unclear = Garment::new(data).map_err(|error| error.to_string())?;
-    let scenes = [Scene::new(&unclear, Some(source), false), Scene::new(garment, Some(source), false)];
-    let mut stages = [Stage::new(&unclear), Stage::new(garment)];
-    let mut cells = Vec::new();
-    for worst in [found.before.worst(), found.after.worst()] {
-        let pose = &poses[worst.pose];
-        let depths = pose_depths(&source.body, garment, worst.pose, pose);
-        let shot = Shot { name: String::new(), pose: pose.clone(), blend: Blend::Kernel(garment.kernel()) };
-        let figures: Vec<Figure> = scenes
-            .iter()
-            .zip(&mut stages)
-            .zip(&depths)
-            .map(|((scene, stage), depths)| {
-                let mut figure = scene.figure(stage, &shot, Colours::Error(1.0));
-                let deep = depths.iter().filter(|depth| depth.depth_m > MARKED_M);
-                figure.mark(&deep.map(|depth| depth.vertex).collect::<Vec<_>>());
-                figure
-            })
-            .collect();
-        for view in [View::Front, View::Side] {
-            let framing = Framing::of(&figures, view);
-            for ((scene, figure), state) in scenes.iter().zip(&figures).zip(["without", "with"]) {
-                let caption = format!("pose {}: {state} clearance", worst.pose);
-                cells.push(Cell { caption, picture: scene.draw(figure, framing, 640) });
-            }
-        }
-    }
-    png_bytes(&contact_sheet(&cells, 4)).map_err(|error| error.to_string())
+    let worst = found.worst().pose;
+    let pose = &poses[worst];
+    let deep = pose_depths(&source.body, garment, worst, pose);
+    let deep: Vec<u32> = deep.iter().filter(|depth| depth.depth_m > MARKED_M).map(|depth| depth.vertex).collect();
+    let shot = Shot { name: String::new(), pose: pose.clone(), blend: Blend::Kernel(garment.kernel()) };
+    let scene = Scene::new(garment, Some(source), false);
+    let mut figure = scene.figure(&mut Stage::new(garment), &shot, Colours::Error(1.0));
+    figure.mark(&deep);
+    let cells: Vec<Cell> = [View::Front, View::Side]
+        .map(|view| {
+            let framing = Framing::of(std::slice::from_ref(&figure), view);
+            Cell { caption: format!("pose {worst}"), picture: scene.draw(&figure, framing, 640) }
+        })
+        .into();
+    png_bytes(&contact_sheet(&cells, 2)).map_err(|error| error.to_string())
 }

@@ -3,17 +3,17 @@
 use crate::compare_packs;
 use crate::places::{Places, in_workspace, write_whole};
 use glam::Vec3;
-use kitsuke::evaluate::{blend, bytes_touched, clear, normals, skin, twins};
+use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
 use kitsuke::fit::texture::{TextureScratch, Texturer};
 use kitsuke::fit::{self, FitData, Fitter, Transfer};
 use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::pack::layout;
 use kitsuke::skeleton::{Pose, bvh};
-use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, pose_blend};
+use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate};
 use kitsuke_pipeline::build_garment;
 use kitsuke_pipeline::catalog::{self, Mode, Options};
+use kitsuke_pipeline::measure::weld_quality::mixed;
 use kitsuke_pipeline::memo::Memo;
-use kitsuke_pipeline::weld_quality::mixed;
 use serde_json::{Map, Value, json};
 use std::fs;
 use std::hint::black_box;
@@ -70,7 +70,6 @@ fn bench(args: &Args) -> Result<(), String> {
     note("frame_rates_us", json!(rounded(frames.median(|frame| frame.rates_us))));
     note("frame_blend_us", json!(rounded(frames.median(|frame| frame.blend_us))));
     note("frame_skin_us", json!(rounded(frames.median(|frame| frame.skin_us))));
-    note("frame_clear_us", json!(rounded(frames.median(|frame| frame.clear_us))));
     note("frame_normals_us", json!(rounded(frames.median(|frame| frame.normals_us))));
     note("dense_f32_blend_us", json!(rounded(dense_f32_blend_us(garment))));
     note("frame_active_targets_median", json!(frames.median(|frame| frame.active_targets) as u64));
@@ -125,7 +124,6 @@ struct FrameFigures {
     blend_us: f64,
     skin_us: f64,
     normals_us: f64,
-    clear_us: f64,
     active_targets: f64,
     bytes_touched: f64,
 }
@@ -145,32 +143,30 @@ impl Frames {
 /// Plays the motion several times: whole frames first, then step by step.
 fn measure_frames(garment: &Garment, poses: &[Pose]) -> Frames {
     let mut scratch = Scratch::new(garment);
-    let mut rates = Rates::new(garment);
+    let mut rates = Rates::new(garment.data());
     let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
     let mut unit_normals = positions_m.clone();
-    let mut times_us = vec![[const { Vec::new() }; 6]; poses.len()];
+    let mut times_us = vec![[const { Vec::new() }; 5]; poses.len()];
     for _ in 0..PASSES {
         for (pose, times_us) in poses.iter().zip(&mut times_us) {
             let frame = Frame { positions_m: &mut positions_m, normals: &mut unit_normals };
             times_us[0].push(microseconds(|| evaluate(garment, black_box(pose), &mut scratch, frame)));
         }
         for (pose, times_us) in poses.iter().zip(&mut times_us) {
-            times_us[1]
-                .push(microseconds(|| pose_blend::rates(garment.kernel(), garment, black_box(pose), &mut rates)));
+            times_us[1].push(microseconds(|| garment.blend_rates(garment.kernel(), black_box(pose), &mut rates)));
             times_us[2].push(microseconds(|| blend(garment, &rates, &mut scratch)));
             times_us[3].push(microseconds(|| skin(garment, pose, &mut scratch, &mut positions_m)));
-            times_us[5].push(microseconds(|| clear(garment, pose, &mut scratch, &mut positions_m)));
             times_us[4].push(microseconds(|| normals(garment, &positions_m, &mut scratch, &mut unit_normals)));
             twins(garment, Frame { positions_m: &mut positions_m, normals: &mut unit_normals });
         }
         black_box((&positions_m, &unit_normals));
     }
     let figures = poses.iter().zip(times_us).map(|(pose, times_us)| {
-        let [whole_us, rates_us, blend_us, skin_us, normals_us, clear_us] = times_us.map(median);
-        pose_blend::rates(garment.kernel(), garment, pose, &mut rates);
+        let [whole_us, rates_us, blend_us, skin_us, normals_us] = times_us.map(median);
+        garment.blend_rates(garment.kernel(), pose, &mut rates);
         let active_targets = (0..garment.data().targets.len()).filter(|&target| rates.is_active(target)).count() as f64;
         let bytes_touched = bytes_touched(garment, &rates) as f64;
-        FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, clear_us, active_targets, bytes_touched }
+        FrameFigures { whole_us, rates_us, blend_us, skin_us, normals_us, active_targets, bytes_touched }
     });
     Frames(figures.collect())
 }
@@ -209,7 +205,7 @@ fn dense_f32_blend_us(garment: &Garment) -> f64 {
             Some(first)
         })
         .collect();
-    let dense = |target: &kitsuke::garment::Target| {
+    let dense = |target: &kitsuke::arrays::Target| {
         let mut dense = vec![0.0; base.len()];
         let mut deltas = target.deltas.as_flattened().iter();
         for &segment in &target.segments {

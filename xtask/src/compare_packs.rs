@@ -4,7 +4,7 @@
 use crate::places::{Places, in_workspace};
 use glam::Vec3;
 use kitsuke::Pack;
-use kitsuke::garment::{GarmentData, Target};
+use kitsuke::arrays::{GarmentData, Target};
 use kitsuke::pack::layout;
 use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::{Built, build_garment, ir};

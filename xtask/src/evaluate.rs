@@ -7,8 +7,10 @@ use clap::ValueEnum;
 use glam::{Vec2, Vec3};
 use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
-use kitsuke_pipeline::frames::{Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj};
 use kitsuke_pipeline::ir;
+use kitsuke_pipeline::look::frames::{
+    Distance, Shot, Stage, in_source_order, npy_frame, npy_header, own_poses, write_obj,
+};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -3,9 +3,9 @@
 use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
-use kitsuke::garment::{Certificate, GarmentData, LeftOut};
+use kitsuke::arrays::{Certificate, GarmentData, LeftOut};
+use kitsuke::arrays::{ChainJoint, Rbf};
 use kitsuke::pack::layout::MAGIC;
-use kitsuke::pose_blend::rbf::{ChainJoint, Rbf};
 use kitsuke_pipeline::diagnostic::Diagnostic;
 use kitsuke_pipeline::source::{body, obj, tables};
 use std::fmt::Write;

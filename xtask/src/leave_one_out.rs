@@ -1,8 +1,8 @@
 //! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen, and each way of fitting a size.
 
 use crate::places::Places;
-use kitsuke_pipeline::leave_one_out::{Error, Method, errors};
-use kitsuke_pipeline::size_errors::{self, SizeError};
+use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
+use kitsuke_pipeline::measure::size_errors::{self, SizeError};
 use std::process::ExitCode;
 
 /// Compare kernels by the error of each target when its row is left out of the pose table

@@ -5,9 +5,9 @@ use crate::shots::{self, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
 use kitsuke_pipeline::catalog;
-use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
-use kitsuke_pipeline::scene::{Colours, Figure, Framing, Scene, View};
-use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
+use kitsuke_pipeline::look::scene::{Colours, Figure, Framing, Scene, View};
+use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

@@ -6,7 +6,7 @@ use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::recording::{self, Recording};
 use kitsuke::skeleton::{Pose, Skeleton};
 use kitsuke_pipeline::diagnostic::{Diagnostic, Place};
-use kitsuke_pipeline::frames::{Blend, Shot};
+use kitsuke_pipeline::look::frames::{Blend, Shot};
 use kitsuke_pipeline::source::tables;
 use std::fs;
 use std::path::Path;

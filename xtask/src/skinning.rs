@@ -3,9 +3,9 @@
 use crate::places::Places;
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec3};
 use kitsuke::Garment;
-use kitsuke::garment::{GarmentData, SkinWeights};
+use kitsuke::arrays::{GarmentData, SkinWeights};
 use kitsuke::skeleton::{Bone, Pose};
-use kitsuke_pipeline::frames::{Blend, Shot, Stage, own_poses};
+use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
 use std::process::ExitCode;
 
 /// Measure how skinning stretches, crushes and turns over the sleeves in extreme poses

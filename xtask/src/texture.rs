@@ -6,11 +6,11 @@ use glam::{Vec2, Vec3};
 use kitsuke::Garment;
 use kitsuke::fit::texture::{Energies, TextureScratch, Texturer};
 use kitsuke::fit::{FitData, Fitter, Scratch};
-use kitsuke_pipeline::distortion::{Distortion, Worn, distortion, m_per_uv};
-use kitsuke_pipeline::scene::{Figure, Framing, Scene, View};
-use kitsuke_pipeline::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
-use kitsuke_pipeline::texture::Texture;
-use kitsuke_pipeline::weld_quality::{mixed, random_weights};
+use kitsuke_pipeline::look::scene::{Figure, Framing, Scene, View};
+use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_pipeline::look::texture::Texture;
+use kitsuke_pipeline::measure::distortion::{Distortion, Worn, distortion, m_per_uv};
+use kitsuke_pipeline::measure::weld_quality::{mixed, random_weights};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

@@ -5,7 +5,7 @@ use crate::places::Places;
 use crate::tailor::or_print;
 use kitsuke::Pack;
 use kitsuke::fit::Verdict;
-use kitsuke_pipeline::fitted::{Fitted, fitted};
+use kitsuke_pipeline::look::fitted::{Fitted, fitted};
 use kitsuke_pipeline::source::measurements::{self, Wearer};
 use std::path::Path;
 

@@ -4,7 +4,7 @@ use crate::places::Places;
 use kitsuke::fit::{FitData, Transfer};
 use kitsuke::garment::Garment;
 use kitsuke::pack::layout::{self, Tag};
-use kitsuke_pipeline::weld_quality::{Quality, measure, source_shape};
+use kitsuke_pipeline::measure::weld_quality::{Quality, measure, source_shape};
 use std::process::ExitCode;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Writes what the stages made under readable names, for looking at it.
 
 use super::{CatalogError, write_renamed};
-use crate::frames::npy_header;
+use crate::look::frames::npy_header;
 use crate::{Built, ir};
 use glam::Vec3;
 use std::fmt::Write;
@@ -12,7 +12,7 @@ use std::path::Path;
 pub fn emit(folder: &Path, garment: &ir::Garment, built: &Built) -> Result<(), CatalogError> {
     let vertex_count = built.skin.len();
     for (j, joint) in garment.body.skeleton.joints().iter().enumerate() {
-        let weight = |skin: &kitsuke::garment::SkinWeights| -> f32 {
+        let weight = |skin: &kitsuke::arrays::SkinWeights| -> f32 {
             let own = skin.joints.iter().zip(skin.weights).filter(|&(&joint, _)| usize::from(joint) == j);
             own.map(|(_, weight)| f32::from(weight) / 65535.0).sum()
         };

@@ -3,7 +3,7 @@
 
 use super::CatalogError;
 use crate::Built;
-use crate::frames::Distance;
+use crate::look::frames::Distance;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;

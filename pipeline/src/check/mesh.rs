@@ -3,7 +3,7 @@
 use super::NamedMesh;
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::obj::Corner;
-use kitsuke::garment::limits;
+use kitsuke::arrays::limits;
 
 /// Triangles smaller than this times the square of their longest side have no usable normal.
 const LEAST_RELATIVE_AREA: f64 = 1e-6;

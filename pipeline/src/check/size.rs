@@ -69,11 +69,11 @@ pub(super) fn check_table(
                 }
             }
         }
-        if row.body.len() > kitsuke::garment::limits::NAME_BYTES || row.body.chars().any(char::is_control) {
+        if row.body.len() > kitsuke::arrays::limits::NAME_BYTES || row.body.chars().any(char::is_control) {
             report.push(
                 Diagnostic::error("size-name", *file, Place::Line(row.line))
                     .problem("the body's name is too long or not printable")
-                    .help(format!("Use at most {} bytes of printable text.", kitsuke::garment::limits::NAME_BYTES)),
+                    .help(format!("Use at most {} bytes of printable text.", kitsuke::arrays::limits::NAME_BYTES)),
             );
         }
     }

@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostic, Place};
 use crate::ir::{Body, Part, Surface};
 use glam::{Mat4, Quat, Vec3};
 use gltf::accessor::{DataType, Dimensions};
-use kitsuke::garment::limits;
+use kitsuke::arrays::limits;
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 
 /// How far a joint's rest rotation, scale or bind pose may lie from the VRM-normalised T-pose.

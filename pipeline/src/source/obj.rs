@@ -6,7 +6,7 @@
 
 use crate::diagnostic::{Diagnostic, Place};
 use glam::{DVec2, DVec3, Vec2};
-use kitsuke::garment::limits;
+use kitsuke::arrays::limits;
 use std::borrow::Cow;
 
 /// Most corners of one polygon.

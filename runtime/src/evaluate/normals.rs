@@ -1,44 +1,14 @@
 //! Normals of posed cloth: for every vertex the mean of its triangles' normals, weighted by area. Knows positions and
-//! triangles only.
-//!
-//! Cloth is mostly a grid whose rows of vertices lie one after the other. Where two rows form a *strip* of quads, the
-//! vertices of neighbouring quads are neighbours in memory, and a vector register takes a run of them. Triangles that
-//! form no strip go one by one.
+//! triangles only; the order in which triangles are taken stands in [`Strips`].
 
+use crate::plan::{LANES, Strip, Strips};
 use glam::{Vec3, Vec3A};
 use pulp::{Simd, WithSimd};
 use std::mem::size_of_val;
 
-/// Vertices of a row taken at a time, one in each lane of the vector registers; they bound one quad less.
-const LANES: usize = 16;
-
-/// Strips shorter than this are cheaper as single triangles.
-const FEWEST_QUADS: usize = 4;
-
 /// What one corner of each quad gets, as x, y and z. It begins with a 0, so that what quad k gives to its second vertex
 /// stands beside what quad k + 1 gives to its first.
 type Moves = [[f32; LANES + 1]; 3];
-
-/// The triangles of a garment, ordered for summing their normals.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Plan {
-    strips: Vec<Strip>,
-    /// Triangles in no strip, by places in `loose_vertices`.
-    loose: Vec<[u32; 3]>,
-    loose_vertices: Vec<u32>,
-}
-
-/// Fewer than [`LANES`] quads side by side. Quad `k` has the corners a = `near + k`, b = a + 1, d = `far + k`, c = d + 1,
-/// counter-clockwise a, b, c, d.
-#[derive(Clone, Copy, Debug)]
-struct Strip {
-    near: u32,
-    far: u32,
-    /// Which lanes are quads.
-    quads: u16,
-    /// Which quads are cut from a to c; the others are cut from b to d.
-    cut_from_a: u16,
-}
 
 /// Working memory.
 #[derive(Clone, Debug, Default)]
@@ -59,97 +29,9 @@ struct Corner {
     normal: Vec3A,
 }
 
-impl Plan {
-    /// Of triangles over this many vertices.
-    pub(crate) fn new(vertex_count: usize, triangles: &[[u32; 3]]) -> Plan {
-        let (quads, loose) = quads(vertex_count, triangles);
-        let mut plan = Plan::default();
-        let mut place_of = vec![u32::MAX; vertex_count];
-        let mut add_loose = |plan: &mut Plan, triangle: [u32; 3]| {
-            let corners = triangle.map(|vertex| {
-                let place = &mut place_of[vertex as usize];
-                if *place == u32::MAX {
-                    *place = plan.loose_vertices.len() as u32;
-                    plan.loose_vertices.push(vertex);
-                }
-                *place
-            });
-            plan.loose.push(corners);
-        };
-        for run in quads.chunk_by(|one, next| (one.near + 1, one.far + 1) == (next.near, next.far)) {
-            if run.len() < FEWEST_QUADS {
-                run.iter().flat_map(|quad| quad.triangles).for_each(|t| add_loose(&mut plan, triangles[t as usize]));
-                continue;
-            }
-            plan.strips.extend(run.chunks(LANES - 1).map(|quads| Strip {
-                near: quads[0].near,
-                far: quads[0].far,
-                quads: u16::MAX >> (LANES - quads.len()),
-                cut_from_a: quads.iter().rev().fold(0, |bits, quad| bits << 1 | u16::from(quad.is_cut_from_a)),
-            }));
-        }
-        loose.into_iter().for_each(|triangle| add_loose(&mut plan, triangle));
-        plan
-    }
-
-    /// How many bytes of it a frame reads.
-    pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.strips.as_slice())
-            + size_of_val(self.loose.as_slice())
-            + size_of_val(self.loose_vertices.as_slice())
-    }
-}
-
-/// Two triangles that share an edge and could stand in a strip.
-struct Quad {
-    near: u32,
-    far: u32,
-    is_cut_from_a: bool,
-    triangles: [u32; 2],
-}
-
-/// The quads among the triangles, neighbours in a strip one after the other, and the triangles left over.
-fn quads(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<Quad>, Vec<[u32; 3]>) {
-    let turns = |[p, q, r]: [u32; 3]| [[p, q, r], [q, r, p], [r, p, q]];
-    // By d: the triangle with the edge from c to d, where c = d + 1, and its third corner.
-    let mut far_side: Vec<Option<(u32, u32)>> = vec![None; vertex_count];
-    for (number, &triangle) in triangles.iter().enumerate() {
-        for [c, d, third] in turns(triangle) {
-            if c == d + 1 {
-                far_side[d as usize] = Some((number as u32, third));
-            }
-        }
-    }
-    let mut is_taken = vec![false; triangles.len()];
-    let mut quads = Vec::new();
-    // Where a triangle could join two others, the one that goes on with the strip.
-    let mut step = 0;
-    for (number, &triangle) in triangles.iter().enumerate() {
-        let number = number as u32;
-        let far_side = &far_side;
-        let candidates = turns(triangle).into_iter().filter(|[a, b, _]| *b == a + 1).flat_map(|[a, b, third]| {
-            [(third.wrapping_sub(1), a, true), (third, b, false)].into_iter().filter_map(
-                move |(far, corner, is_cut_from_a)| {
-                    let (other, _) = (*far_side.get(far as usize)?).filter(|(_, third)| *third == corner)?;
-                    (other != number).then_some(Quad { near: a, far, is_cut_from_a, triangles: [number, other] })
-                },
-            )
-        });
-        let is_free = |quad: &Quad| quad.triangles.iter().all(|&t| !is_taken[t as usize]);
-        if let Some(quad) = candidates.filter(is_free).min_by_key(|quad| quad.far.wrapping_sub(quad.near) != step) {
-            step = quad.far.wrapping_sub(quad.near);
-            quad.triangles.iter().for_each(|&t| is_taken[t as usize] = true);
-            quads.push(quad);
-        }
-    }
-    quads.sort_unstable_by_key(|quad| (quad.far.wrapping_sub(quad.near), quad.near));
-    let left = triangles.iter().zip(is_taken).filter(|(_, is_taken)| !is_taken);
-    (quads, left.map(|(&triangle, _)| triangle).collect())
-}
-
 impl Work {
     /// For this plan and as many vertices as it was made for.
-    pub(crate) fn new(vertex_count: usize, plan: &Plan) -> Work {
+    pub(crate) fn new(vertex_count: usize, plan: &Strips) -> Work {
         let planes = Planes([(); 3].map(|()| vec![0.0; vertex_count.next_multiple_of(LANES) + LANES]));
         let corners = vec![Corner::default(); plan.loose_vertices.len()];
         Work { positions_m: planes.clone(), sums: planes, corners }
@@ -164,7 +46,7 @@ impl Work {
 
 /// Writes the unit normals of these positions; +Y where the sum has no direction.
 pub(super) struct Normals<'a> {
-    pub(super) plan: &'a Plan,
+    pub(super) plan: &'a Strips,
     pub(super) positions_m: &'a [Vec3],
     pub(super) work: &'a mut Work,
     pub(super) normals: &'a mut [Vec3],
@@ -319,7 +201,7 @@ fn cross<S: Simd>(simd: S, [ax, ay, az]: Vectors<S>, [bx, by, bz]: Vectors<S>) -
 
 /// Sums the normals of the triangles in no strip.
 #[inline(always)]
-fn add_loose(plan: &Plan, positions_m: &[Vec3], corners: &mut [Corner]) {
+fn add_loose(plan: &Strips, positions_m: &[Vec3], corners: &mut [Corner]) {
     for (corner, &vertex) in corners.iter_mut().zip(&plan.loose_vertices) {
         *corner = Corner { position_m: positions_m[vertex as usize].into(), normal: Vec3A::ZERO };
     }
@@ -336,6 +218,7 @@ fn add_loose(plan: &Plan, positions_m: &[Vec3], corners: &mut [Corner]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::FEWEST_QUADS;
     use pulp::{Arch, Scalar};
 
     /// A bumpy sheet of some quads by two, cut in alternating directions, with a triangle that leaves the order.
@@ -358,7 +241,7 @@ mod tests {
     fn strips_of_any_length_give_what_their_triangles_give_on_any_machine() {
         for quads in 1..40 {
             let (positions_m, triangles) = sheet(quads);
-            let plan = Plan::new(positions_m.len(), &triangles);
+            let plan = Strips::new(positions_m.len(), &triangles);
             let in_strips: u32 = plan.strips.iter().map(|strip| strip.quads.count_ones()).sum();
             assert_eq!(in_strips, if quads as usize >= FEWEST_QUADS { 2 * quads } else { 0 }, "{quads}");
             assert_eq!(plan.loose.len() + 2 * in_strips as usize, triangles.len());

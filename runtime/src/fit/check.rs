@@ -1,7 +1,8 @@
 //! The one validation of [`FitData`], for those who write packs and those who read them. Knows no bytes.
 
 use super::{Dimension, Field, FitData, SizeBody};
-use crate::garment::{Garment, limits as garment_limits};
+use crate::arrays::limits as garment_limits;
+use crate::garment::Garment;
 use crate::measurement::Measurement;
 use crate::tailoring::InvalidRules;
 use glam::Vec3;

@@ -14,9 +14,9 @@
 //! neither of which can raise the energy (Liu et al. 2008, "A local/global approach to mesh parameterization"). The second step is
 //! linear and its matrix does not depend on the wearer. Islands do not see each other, so that nothing is smoothed over a seam or a fold.
 
+use crate::arrays::Mesh;
 use crate::envelope_cholesky::{EnvelopeCholesky, FactorError};
 use crate::fit::FitData;
-use crate::garment::Mesh;
 use glam::{DVec2, Vec2, Vec3};
 
 /// How much each energy counts.
@@ -405,7 +405,7 @@ fn parts_of_vertices(mesh: &Mesh) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::garment::Part;
+    use crate::arrays::Part;
     use proptest::prelude::*;
 
     /// Columns and rows of vertices of a piece.

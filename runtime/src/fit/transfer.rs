@@ -6,8 +6,9 @@
 //! turned vertex by vertex, stretch sleeves that are wider or longer than the base's two to four times as much.
 
 use super::FitData;
+use crate::arrays::{GarmentData, InvalidGarment, Target};
 use crate::envelope_cholesky::FactorError;
-use crate::garment::{Garment, GarmentData, InvalidGarment, Target};
+use crate::garment::Garment;
 use crate::skeleton::{Joint, Skeleton};
 use crate::sparse_cholesky::SparseCholesky;
 use glam::{DVec3, Mat3, Vec3};
@@ -102,7 +103,7 @@ impl Transfer {
     /// per joint of its skeleton). The garment must be that of [`Transfer::new`].
     ///
     /// Base and skeleton are the wearer's, and every target is transferred. Blending stays as it is, since it compares only rotations; the
-    /// certificate and the clearance proxies, which speak of the base and its body, are left out.
+    /// certificate, which speaks of the base, is left out.
     ///
     /// # Errors
     /// When there are too many or too few positions or joints, or when some are out of bounds.
@@ -123,7 +124,7 @@ impl Transfer {
         for segment in &data.segments {
             starts.push(starts[starts.len() - 1] + segment.vertex_count as usize);
         }
-        let mut data = GarmentData { skeleton, certificate: None, proxies: Vec::new(), ..data.clone() };
+        let mut data = GarmentData { skeleton, certificate: None, ..data.clone() };
         let mut block = Block::new(positions_m.len(), self.unknowns);
         for targets in data.targets.chunks_mut(TOGETHER) {
             block.deltas_m.fill([Vec3::ZERO; TOGETHER]);

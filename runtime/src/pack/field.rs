@@ -302,7 +302,7 @@ pub(super) fn read(
 #[cfg(feature = "write")]
 mod encode {
     use super::*;
-    use crate::garment::{Mesh, Segment};
+    use crate::arrays::{Mesh, Segment};
     use crate::pack::codec::Writer;
 
     /// A reference must save so many bits to be worth naming.

@@ -54,7 +54,6 @@
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
 //! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
-//! | `PROX` | optional: `u8` proxy count; per proxy: `text` name, `u32` surfel count n, `u32` guarded count g; x, y, z of place and normal, radius, share, `floats(n)`; skin weights of the surfels as in `SKIN`; `column(g)` of `u32` vertices; x, y, z of their sides, each a `column(g)` of `u8` (two's complement) |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
 //! on both sides.
@@ -65,18 +64,17 @@ pub(super) mod fit;
 use super::codec::{Column, Reader};
 use super::field::{self, Lower};
 use super::{ContentProblem, OpenError, v1};
-use crate::clearance::{Guarded, Proxy, Surfel};
-use crate::garment::{
+use crate::arrays::{
     Certificate, Driver, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target, limits,
 };
-use crate::pose_blend::rbf::{ChainJoint, Group, Rbf};
+use crate::arrays::{ChainJoint, Group, Rbf};
 use crate::skeleton::{Bone, Joint, Skeleton};
 use glam::{DVec3, Quat, Vec2, Vec3};
 use std::fmt;
 use xxhash_rust::xxh3::xxh3_64;
 
 #[cfg(feature = "write")]
-use {super::codec::Writer, crate::garment::GarmentData};
+use {super::codec::Writer, crate::arrays::GarmentData};
 
 /// The first bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
@@ -137,12 +135,10 @@ pub const FITS: Tag = Tag(*b"FITS");
 pub const FLDS: Tag = Tag(*b"FLDS");
 /// Texture coordinates of the sizes.
 pub const SZUV: Tag = Tag(*b"SZUV");
-/// Clearance proxies.
-pub const PROX: Tag = Tag(*b"PROX");
 /// The sections that every pack has.
 pub const REQUIRED: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
 /// The sections that a pack may have.
-pub const OPTIONAL: [Tag; 4] = [FITS, FLDS, SZUV, PROX];
+pub const OPTIONAL: [Tag; 3] = [FITS, FLDS, SZUV];
 
 /// Whether this version has such a section.
 #[must_use]
@@ -541,51 +537,6 @@ pub(super) fn write_certificate(certificate: Option<&Certificate>, to: &mut Writ
     left_out.iter().flat_map(|error| [error.mean_mm, error.p99_mm, error.max_mm]).for_each(|figure| to.f32(figure));
     nearest.rows.iter().for_each(|&row| to.u16(row));
     to.f32(nearest.apart_deg);
-}
-
-pub(super) fn read_proxies(from: &mut Reader<'_>) -> Result<Vec<Proxy>, ContentProblem> {
-    (0..from.u8()?).map(|_| read_proxy(from)).collect()
-}
-
-fn read_proxy(from: &mut Reader<'_>) -> Result<Proxy, ContentProblem> {
-    let name = from.text()?;
-    let surfels = from.count("surfels", limits::SURFELS)?;
-    let guarded = from.count("guarded vertices", limits::VERTICES)?;
-    let [x, y, z, normal_x, normal_y, normal_z, radius_m, share] = from.floats(surfels)?;
-    let places_m = x.zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z));
-    let normals = normal_x.zip(normal_y).zip(normal_z).map(|((x, y), z)| Vec3::new(x, y, z));
-    let skin = read_skin(surfels, from)?;
-    let sizes = radius_m.zip(share);
-    let surfels = places_m
-        .zip(normals)
-        .zip(sizes)
-        .zip(skin)
-        .map(|(((place_m, normal), (radius_m, share)), skin)| Surfel { place_m, normal, radius_m, share, skin });
-    let surfels = surfels.collect();
-    let vertices = from.column::<4>(guarded)?;
-    let mut sides = read_columns::<1, 3>(guarded, from)?;
-    let guarded = vertices.map(|vertex| Guarded { vertex, side: next(&mut sides).map(|side| side as u8 as i8) });
-    Ok(Proxy { name, surfels, guarded: guarded.collect() })
-}
-
-#[cfg(feature = "write")]
-pub(super) fn write_proxies(proxies: &[Proxy], to: &mut Writer) {
-    to.u8(proxies.len() as u8);
-    for Proxy { name, surfels, guarded } in proxies {
-        to.text(name);
-        to.count(surfels.len());
-        to.count(guarded.len());
-        let numbers = |surfel: &Surfel| {
-            let ([x, y, z], [normal_x, normal_y, normal_z]) = (surfel.place_m.to_array(), surfel.normal.to_array());
-            [x, y, z, normal_x, normal_y, normal_z, surfel.radius_m, surfel.share]
-        };
-        to.floats(surfels, numbers);
-        write_skin(&surfels.iter().map(|surfel| surfel.skin).collect::<Vec<_>>(), to);
-        to.column::<4>(guarded.iter().map(|guarded| guarded.vertex));
-        for axis in 0..3 {
-            to.column::<1>(guarded.iter().map(|guarded| u32::from(guarded.side[axis] as u8)));
-        }
-    }
 }
 
 fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {

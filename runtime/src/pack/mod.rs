@@ -11,9 +11,10 @@ mod v1;
 #[cfg(feature = "write")]
 pub mod write;
 
+use crate::arrays::{GarmentData, InvalidGarment, limits};
 #[cfg(feature = "fit")]
 use crate::fit::{FitData, InvalidFit};
-use crate::garment::{Garment, GarmentData, InvalidGarment, limits};
+use crate::garment::Garment;
 use crate::skeleton::SkeletonError;
 use codec::{Encoding, Reader};
 use layout::{Entry, Info, Tag};
@@ -377,9 +378,8 @@ fn read_garment(
     let targets = sections.read(layout::TGTS, |from| layout::read_targets(&info, &mesh, &segments, from))?;
     let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&info, from))?;
     let certificate = sections.read(layout::CERT, |from| layout::read_certificate(&info, from))?;
-    let proxies = sections.read_optional(layout::PROX, layout::read_proxies)?.unwrap_or_default();
     let Info { id, name, .. } = info;
-    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate, proxies })
+    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate })
 }
 
 /// The sections of a pack whose table has been checked.
@@ -403,16 +403,6 @@ impl Sections<'_> {
         let content = read_stored(&(*section, stored), self.major, &mut self.allowed, read);
         section.unpacked_length += before - self.allowed;
         content
-    }
-
-    /// [`Sections::read`] of one that need not be there.
-    fn read_optional<T>(
-        &mut self,
-        tag: Tag,
-        read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
-    ) -> Result<Option<T>, OpenError> {
-        let is_there = self.sections.iter().any(|section| section.tag == tag);
-        is_there.then(|| self.read(tag, read)).transpose()
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::ContentProblem;
 use super::codec::Reader;
-use crate::garment::{Segment, Target};
+use crate::arrays::{Segment, Target};
 
 /// The major version.
 pub(super) const MAJOR: u16 = 1;

@@ -11,7 +11,7 @@ pub use super::field::{Wanted, quantise};
 /// The garment as a pack, which [`Pack::open`](super::Pack::open) gives back exactly.
 ///
 /// A garment of very many large targets can exceed the limits on whole packs
-/// ([`PACK_BYTES`](crate::garment::limits::PACK_BYTES), [`DECODED_BYTES`](crate::garment::limits::DECODED_BYTES)); such a
+/// ([`PACK_BYTES`](crate::arrays::limits::PACK_BYTES), [`DECODED_BYTES`](crate::arrays::limits::DECODED_BYTES)); such a
 /// pack is written, and refused when it is opened.
 ///
 /// # Panics
@@ -45,7 +45,7 @@ type Section = (Tag, usize, (Encoding, Vec<u8>));
 
 fn garment_sections(garment: &Garment) -> Vec<Section> {
     let data = garment.data();
-    let mut sections = vec![
+    vec![
         section(layout::INFO, |to| layout::write_info(data, to)),
         section(layout::SKEL, |to| layout::write_skeleton(&data.skeleton, to)),
         section(layout::MESH, |to| layout::write_mesh(&data.mesh, to)),
@@ -55,11 +55,7 @@ fn garment_sections(garment: &Garment) -> Vec<Section> {
         section(layout::TGTS, |to| layout::write_targets(data, to)),
         section(layout::RBFS, |to| layout::write_rbf(data.rbf.as_ref(), to)),
         section(layout::CERT, |to| layout::write_certificate(data.certificate.as_ref(), to)),
-    ];
-    if !data.proxies.is_empty() {
-        sections.push(section(layout::PROX, |to| layout::write_proxies(&data.proxies, to)));
-    }
-    sections
+    ]
 }
 
 /// The sections after their header.

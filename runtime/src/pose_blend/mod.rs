@@ -3,7 +3,7 @@
 
 pub mod rbf;
 
-use crate::garment::{Garment, PoseTable};
+use crate::arrays::{GarmentData, PoseTable};
 use crate::skeleton::{Bone, Pose};
 use glam::Quat;
 
@@ -26,8 +26,7 @@ pub struct Rates {
 impl Rates {
     /// Rates for this garment, all 0: the base alone.
     #[must_use]
-    pub fn new(garment: &Garment) -> Rates {
-        let data = garment.data();
+    pub fn new(data: &GarmentData) -> Rates {
         let rates = vec![0.0; data.drivers.len() * data.targets.len()];
         Rates { targets: data.targets.len(), rates, work: rbf::Work::new(data) }
     }
@@ -82,18 +81,6 @@ pub enum Kernel {
     Rbf,
 }
 
-/// The rates of a pose by this kernel, however its arms are twisted ([`Pose::with_arms_untwisted`]).
-///
-/// # Panics
-/// When `rates` was made for a garment of another shape.
-pub fn rates(kernel: Kernel, garment: &Garment, pose: &Pose, rates: &mut Rates) {
-    let pose = pose.with_arms_untwisted();
-    match kernel {
-        Kernel::Paper => paper(garment, &pose, rates),
-        Kernel::Rbf => rbf::rbf(garment, &pose, rates),
-    }
-}
-
 /// The kernel of the paper (P0, steps 1 and 2), driver by driver.
 ///
 /// The pose difference D of a sample is the root of the summed squares of the angles between its rotations and those
@@ -108,9 +95,8 @@ pub fn rates(kernel: Kernel, garment: &Garment, pose: &Pose, rates: &mut Rates) 
 ///
 /// # Panics
 /// When `rates` was made for a garment of another shape.
-pub fn paper(garment: &Garment, pose: &Pose, rates: &mut Rates) {
-    let data = garment.data();
-    rates.assert_fits(garment);
+pub fn paper(data: &GarmentData, pose: &Pose, rates: &mut Rates) {
+    rates.assert_fits(data);
     rates.clear();
     for (driver, row) in data.drivers.iter().zip(rates.rates.chunks_exact_mut(data.targets.len().max(1))) {
         let closeness = |sample: usize| {
@@ -130,8 +116,7 @@ pub fn paper(garment: &Garment, pose: &Pose, rates: &mut Rates) {
 }
 
 impl Rates {
-    pub(crate) fn assert_fits(&self, garment: &Garment) {
-        let data = garment.data();
+    pub(crate) fn assert_fits(&self, data: &GarmentData) {
         assert!(
             self.targets == data.targets.len() && self.rates.len() == data.targets.len() * data.drivers.len(),
             "the rates were made for another garment"

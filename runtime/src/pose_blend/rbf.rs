@@ -22,50 +22,9 @@
 //! coefficients cancel, and single precision would cost tenths of a millimetre.
 
 use super::Rates;
-use crate::garment::{Garment, GarmentData, PoseTable};
+use crate::arrays::{ChainJoint, GarmentData, PoseTable};
 use crate::skeleton::{Bone, Pose};
-use glam::{DQuat, DVec3};
-
-/// The default kernel of a garment, as the pipeline fitted it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rbf {
-    /// Drivers that blend together; every driver is in exactly one group.
-    pub groups: Vec<Group>,
-    /// Distance over all groups beyond which a sample's correction ends; above 0.
-    pub joint_width: f64,
-    /// Distance from every sample beyond which the skinned base remains; above 0.
-    pub reach: f64,
-    /// Ridge with which `own` was solved, above 0: unused per frame, and needed to solve it anew without a sample.
-    pub ridge: f64,
-}
-
-/// Drivers that blend together, usually those of one arm.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Group {
-    /// For example `rightArm`.
-    pub name: String,
-    /// The drivers whose rates this group sets.
-    pub drivers: Vec<u8>,
-    /// The joints that tell poses apart, from the trunk outward.
-    pub chain: Vec<ChainJoint>,
-    /// Coefficients of φ: one row per sample (the base first), one column per target.
-    pub own: Vec<f64>,
-    /// Coefficients of ψ, likewise.
-    pub joint: Vec<f64>,
-}
-
-/// A joint of a group's chain and how much its turning matters to the shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChainJoint {
-    /// The bone that turns.
-    pub bone: Bone,
-    /// The bone's direction in the T-pose, unit length.
-    pub axis: DVec3,
-    /// Scale of the direction in which the bone points; 0 or more.
-    pub swing: f64,
-    /// Scale of the turn about that direction; 0 or more.
-    pub twist: f64,
-}
+use glam::DQuat;
 
 /// Numbers per chain joint in an embedding: three directions.
 const PER_JOINT: usize = 9;
@@ -122,12 +81,14 @@ pub fn bump(squared_distance: f64, reach: f64) -> f64 {
 
 /// The embeddings of a garment's samples, computed once: group by group, sample by sample.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Samples {
+pub struct Samples {
     embeddings: Vec<Vec<f64>>,
 }
 
 impl Samples {
-    pub(crate) fn new(data: &GarmentData) -> Samples {
+    /// Of checked arrays.
+    #[must_use]
+    pub fn new(data: &GarmentData) -> Samples {
         let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
         Samples { embeddings: groups.map(|group| embed_samples(&group.chain, &data.poses)).collect() }
     }
@@ -180,9 +141,8 @@ impl Work {
 ///
 /// # Panics
 /// When `rates` was made for a garment of another shape.
-pub fn rbf(garment: &Garment, pose: &Pose, rates: &mut Rates) {
-    let data = garment.data();
-    rates.assert_fits(garment);
+pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates) {
+    rates.assert_fits(data);
     rates.clear();
     let Some(rbf) = &data.rbf else { return };
     let targets = data.targets.len();
@@ -195,7 +155,7 @@ pub fn rbf(garment: &Garment, pose: &Pose, rates: &mut Rates) {
 
     summed.fill(0.0);
     let own_distances = squared_distances.chunks_exact_mut(targets + 1);
-    for ((group, samples), own) in rbf.groups.iter().zip(&garment.samples().embeddings).zip(own_distances) {
+    for ((group, samples), own) in rbf.groups.iter().zip(&samples.embeddings).zip(own_distances) {
         let embedding = &mut embedding[..embedding_length(&group.chain)];
         embed(&group.chain, rotation, embedding);
         for ((sample, own), summed) in samples.chunks_exact(embedding.len()).zip(own).zip(summed.iter_mut()) {

@@ -1,7 +1,8 @@
 //! The sections of a fit: bodies, dimensions and rules; the displacement fields; the texture coordinates of the sizes.
 
+use crate::arrays::limits as garment_limits;
 use crate::fit::{Dimension, Field, FitData, SizeBody, limits};
-use crate::garment::{Garment, limits as garment_limits};
+use crate::garment::Garment;
 use crate::measurement::{Measurement, Measurements};
 use crate::pack::ContentProblem;
 use crate::pack::codec::Reader;

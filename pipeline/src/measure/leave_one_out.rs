@@ -1,11 +1,11 @@
 //! How well kernels predict a shape that they have not seen: each row of the pose table in turn is left out, nothing
 //! else, and the frame in its pose is compared with its target. Knows the run time's garment, no source file.
 
-use crate::StageError;
-use crate::kernel;
+use crate::stages::StageError;
+use crate::stages::kernel;
 use glam::{DQuat, DVec3, Vec3};
-use kitsuke::garment::GarmentData;
-use kitsuke::pose_blend::{self, Kernel, rbf};
+use kitsuke::arrays::{GarmentData, Group};
+use kitsuke::pose_blend::{Kernel, rbf};
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates};
 use rayon::prelude::*;
@@ -89,10 +89,10 @@ fn error_of(garment: &Garment, method: Method, left_out: usize) -> Result<Error,
     let data = garment.data();
     let pose = data.poses.pose(left_out + 1);
     let rest = without(data, left_out)?;
-    let mut rates = Rates::new(&rest);
+    let mut rates = Rates::new(rest.data());
     predict(&rest, method, &pose, &mut rates);
     let predicted_m = positions(&rest, &pose, &rates);
-    let mut alone = Rates::new(garment);
+    let mut alone = Rates::new(garment.data());
     (0..data.drivers.len()).for_each(|driver| alone.set(driver, left_out, 1.0));
     let true_m = positions(garment, &pose, &alone);
 
@@ -142,8 +142,8 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
     let samples: Vec<Pose> = (0..=data.targets.len()).map(|row| data.poses.pose(row)).collect();
     let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
     match method {
-        Method::Default => pose_blend::rates(garment.kernel(), garment, pose, rates),
-        Method::Paper => pose_blend::rates(Kernel::Paper, garment, pose, rates),
+        Method::Default => garment.blend_rates(garment.kernel(), pose, rates),
+        Method::Paper => garment.blend_rates(Kernel::Paper, pose, rates),
         Method::Skinning => {}
         Method::Nearest => {
             let differences = differences_rad(&data.poses.bones, &samples, pose);
@@ -170,7 +170,7 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
     }
 }
 
-fn bones(group: &rbf::Group) -> Vec<Bone> {
+fn bones(group: &Group) -> Vec<Bone> {
     group.chain.iter().map(|joint| joint.bone).collect()
 }
 
@@ -238,7 +238,7 @@ fn thin_plate(bones: &[Bone], samples: &[Pose], pose: &Pose) -> Vec<f64> {
     weights
 }
 
-fn embedded(group: &rbf::Group, samples: &[Pose], pose: &Pose) -> (Vec<Vec<f64>>, Vec<f64>) {
+fn embedded(group: &Group, samples: &[Pose], pose: &Pose) -> (Vec<Vec<f64>>, Vec<f64>) {
     let embed = |pose: &Pose| {
         let mut embedding = vec![0.0; rbf::embedding_length(&group.chain)];
         rbf::embed(&group.chain, |bone| rotation(pose, bone), &mut embedding);

@@ -1,9 +1,9 @@
 //! A kimono on its wearer as pictures: which shapes, colours and views. Knows neither files nor sheets.
 
-use crate::frames::{Shot, Stage, in_source_order};
 use crate::ir;
-use crate::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
-use crate::texture::Texture;
+use crate::look::frames::{Shot, Stage, in_source_order};
+use crate::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use crate::look::texture::Texture;
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
@@ -178,7 +178,7 @@ impl<'a> Scene<'a> {
             Colours::Cloth => return None,
             Colours::Regions => self.region_colours(),
             Colours::Joints => {
-                let mix = |skin: &kitsuke::garment::SkinWeights| {
+                let mix = |skin: &kitsuke::arrays::SkinWeights| {
                     let parts = skin.joints.iter().zip(skin.weights);
                     mixed(parts.map(|(&joint, weight)| (hue(usize::from(joint)), f32::from(weight) / 65535.0)))
                 };

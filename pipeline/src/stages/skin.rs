@@ -4,12 +4,12 @@
 //! filled in over the mesh (Abdrashitov, Raichstat, Monsen, Hill: Robust Skin Weights Transfer via Weight Inpainting,
 //! 2023). A kimono is worn as a tube: below the obi the cloth follows both thighs alike and never one leg.
 
-use crate::StageError;
 use crate::ir::{Body, Surface};
-use crate::laplacian::{Neighbours, diffuse};
-use crate::weights::shares;
+use crate::stages::StageError;
+use crate::stages::laplacian::{Neighbours, diffuse};
+use crate::stages::weights::shares;
 use glam::Vec3;
-use kitsuke::garment::SkinWeights;
+use kitsuke::arrays::SkinWeights;
 use kitsuke::skeleton::{Bone, Skeleton};
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::TriMesh;

@@ -1,11 +1,11 @@
-//! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body itself and not
-//! against the proxies that clear it. Knows neither files nor how poses are chosen.
+//! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body. Knows neither files nor
+//! how poses are chosen.
 
 use crate::ir::Body;
 use glam::{Affine3A, Vec3};
-use kitsuke::evaluate::{blend, clear, skin};
+use kitsuke::evaluate::{blend, skin};
 use kitsuke::skeleton::Pose;
-use kitsuke::{Garment, Rates, Scratch, pose_blend};
+use kitsuke::{Garment, Rates, Scratch};
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags};
 use rayon::prelude::*;
@@ -31,29 +31,20 @@ pub struct Depth {
     pub joint: u8,
 }
 
-/// What was found with or without clearance.
+/// What was found in a series of poses.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Side {
+pub struct Audit {
     /// The deepest vertex of each pose.
     pub by_pose: Vec<Depth>,
     /// How many vertices of all poses lie how deep; see [`CLASSES_M`].
     pub classes: [usize; CLASSES_M.len() + 1],
 }
 
-/// What was found in a series of poses.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Audit {
-    /// Blended and skinned only.
-    pub before: Side,
-    /// As frames show it.
-    pub after: Side,
-}
-
-impl Side {
+impl Audit {
     /// The deepest vertex of all poses.
     #[must_use]
     pub fn worst(&self) -> Depth {
-        self.by_pose.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default()
+        deepest(&self.by_pose)
     }
 
     /// How many poses have a vertex deeper than this.
@@ -63,12 +54,18 @@ impl Side {
     }
 
     fn add(&mut self, depths: &[Depth]) {
-        self.by_pose.push(depths.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default());
+        self.by_pose.push(deepest(depths));
         for depth in depths {
             let class = CLASSES_M.iter().position(|&end_m| depth.depth_m <= end_m);
             self.classes[class.unwrap_or(CLASSES_M.len())] += 1;
         }
     }
+}
+
+/// The deepest of some vertices; depth 0 where there are none.
+#[must_use]
+pub fn deepest(depths: &[Depth]) -> Depth {
+    depths.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default()
 }
 
 /// Measures these poses with the garment's own kernel.
@@ -78,45 +75,33 @@ impl Side {
 #[must_use]
 pub fn audit(body: &Body, garment: &Garment, poses: &[Pose]) -> Audit {
     let measure = |(number, pose): (usize, &Pose)| pose_depths(body, garment, number, pose);
-    let found: Vec<[Vec<Depth>; 2]> = poses.par_iter().enumerate().map(measure).collect();
+    let found: Vec<Vec<Depth>> = poses.par_iter().enumerate().map(measure).collect();
     let mut audit = Audit::default();
-    for [before, after] in &found {
-        audit.before.add(before);
-        audit.after.add(after);
-    }
+    found.iter().for_each(|depths| audit.add(depths));
     audit
 }
 
-/// Every vertex that lies in the body in this pose, without and with clearance.
+/// Every vertex that lies in the body in this pose, the deepest first.
 #[must_use]
-pub fn pose_depths(body: &Body, garment: &Garment, number: usize, pose: &Pose) -> [Vec<Depth>; 2] {
+pub fn pose_depths(body: &Body, garment: &Garment, number: usize, pose: &Pose) -> Vec<Depth> {
     let pose = pose.sanitised();
     let posed_body = PosedBody::new(body, &pose);
-    let (mut scratch, mut rates) = (Scratch::new(garment), Rates::new(garment));
-    let mut cleared_m = vec![Vec3::ZERO; garment.unique_count()];
-    pose_blend::rates(garment.kernel(), garment, &pose, &mut rates);
+    let (mut scratch, mut rates) = (Scratch::new(garment), Rates::new(garment.data()));
+    let mut positions_m = vec![Vec3::ZERO; garment.unique_count()];
+    garment.blend_rates(garment.kernel(), &pose, &mut rates);
     blend(garment, &rates, &mut scratch);
-    skin(garment, &pose, &mut scratch, &mut cleared_m);
-    let skinned_m = cleared_m.clone();
-    clear(garment, &pose, &mut scratch, &mut cleared_m);
-    let (mut before, mut after) = (Vec::new(), Vec::new());
-    for (vertex, (skinned_m, cleared_m)) in skinned_m.iter().zip(&cleared_m).enumerate() {
-        let depth = |place_m| {
-            let (depth_m, joint) = posed_body.depth(place_m)?;
-            Some(Depth { depth_m, pose: number, vertex: vertex as u32, joint })
-        };
-        let skinned = depth(*skinned_m);
-        before.extend(skinned);
-        after.extend(if cleared_m == skinned_m { skinned } else { depth(*cleared_m) });
-    }
+    skin(garment, &pose, &mut scratch, &mut positions_m);
+    let depth = |(vertex, place_m): (usize, &Vec3)| {
+        let (depth_m, joint) = posed_body.depth(*place_m)?;
+        Some(Depth { depth_m, pose: number, vertex: vertex as u32, joint })
+    };
+    let mut depths: Vec<Depth> = positions_m.iter().enumerate().filter_map(depth).collect();
+    depths.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
     // The nearest skin may belong to a fold of the posed body, whose side says nothing. The deepest are made certain.
-    for (depths, places_m) in [(&mut before, &skinned_m), (&mut after, &cleared_m)] {
-        depths.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
-        let is_inside = |depth: &Depth| winding(&posed_body.mesh, places_m[depth.vertex as usize]) > 0.5;
-        let outside = depths.iter().take(CERTAIN).take_while(|depth| !is_inside(depth)).count();
-        depths.drain(..outside);
-    }
-    [before, after]
+    let is_inside = |depth: &Depth| winding(&posed_body.mesh, positions_m[depth.vertex as usize]) > 0.5;
+    let outside = depths.iter().take(CERTAIN).take_while(|depth| !is_inside(depth)).count();
+    depths.drain(..outside);
+    depths
 }
 
 /// The posed body, ready for questions.

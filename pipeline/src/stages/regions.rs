@@ -1,9 +1,9 @@
 //! Region masks: which driver owns how much of each vertex. Knows the deltas, not how they are stored.
 
-use crate::StageError;
 use crate::ir::{self, Driver, Surface, TargetShape};
-use crate::laplacian::{Neighbours, diffuse};
-use crate::weights::{WHOLE, shares};
+use crate::stages::StageError;
+use crate::stages::laplacian::{Neighbours, diffuse};
+use crate::stages::weights::{WHOLE, shares};
 use glam::{Quat, Vec3};
 use kitsuke::skeleton::Bone;
 use rayon::prelude::*;

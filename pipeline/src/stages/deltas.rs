@@ -1,9 +1,9 @@
 //! A target shape as deltas from the base, in the base's unposed space. Knows one target at a time.
 
-use crate::StageError;
 use crate::ir::TargetShape;
+use crate::stages::StageError;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
-use kitsuke::garment::SkinWeights;
+use kitsuke::arrays::SkinWeights;
 use kitsuke::skeleton::{Bone, Pose, Skeleton};
 
 /// Counts up whenever the same input gives other deltas.
@@ -67,7 +67,7 @@ fn blend(posed_from_rest: &[DAffine3], skin: &SkinWeights) -> DAffine3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::weights::shares;
+    use crate::stages::weights::shares;
     use glam::Quat;
     use kitsuke::skeleton::Joint;
     use proptest::prelude::*;

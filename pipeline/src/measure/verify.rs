@@ -1,10 +1,10 @@
 //! Opens the written pack again and compares every target with the artist's file. Knows only what an app knows: the
 //! pack's bytes and the run time.
 
-use crate::StageError;
-use crate::frames::{Blend, Distance, Shot, Stage, in_source_order, own_poses};
 use crate::ir;
-use crate::regions::missing_share;
+use crate::look::frames::{Blend, Distance, Shot, Stage, in_source_order, own_poses};
+use crate::stages::StageError;
+use crate::stages::regions::missing_share;
 use glam::Vec3;
 use kitsuke::Pack;
 use kitsuke::pose_blend::Kernel;

@@ -19,8 +19,8 @@ use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, rules};
 use glam::{DVec3, Quat, Vec2, Vec3};
+use kitsuke::arrays::limits;
 use kitsuke::fit;
-use kitsuke::garment::limits;
 use kitsuke::skeleton::Bone;
 use std::collections::BTreeMap;
 

@@ -1,12 +1,12 @@
 //! What a garment's blending promises between its samples: how fast the surface moves, that it does not jump, and how
 //! wrong it is about shapes it has not seen. Measured on frames; knows only what an app knows, the run time.
 
-use crate::StageError;
 use crate::ir;
-use crate::leave_one_out::{Error, Method, errors};
-use crate::pose_space::poses;
+use crate::measure::leave_one_out::{Error, Method, errors};
+use crate::measure::pose_space::poses;
+use crate::stages::StageError;
 use glam::{Quat, Vec3};
-use kitsuke::garment::{Certificate, LeftOut, NearestPair, PoseTable};
+use kitsuke::arrays::{Certificate, LeftOut, NearestPair, PoseTable};
 use kitsuke::pose_blend::angle_between_rad;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Scratch, evaluate};

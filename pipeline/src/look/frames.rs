@@ -2,7 +2,7 @@
 //! the vertex order of the artist's base file. Knows no source file and no folder.
 
 use glam::Vec3;
-use kitsuke::pose_blend::{self, Kernel};
+use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::Pose;
 use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates};
 use std::io::{self, Write};
@@ -55,7 +55,7 @@ impl<'a> Stage<'a> {
     #[must_use]
     pub fn new(garment: &'a Garment) -> Stage<'a> {
         let zeros = vec![Vec3::ZERO; garment.vertex_count()];
-        let (scratch, rates) = (Scratch::new(garment), Rates::new(garment));
+        let (scratch, rates) = (Scratch::new(garment), Rates::new(garment.data()));
         Stage { garment, scratch, rates, positions_m: zeros.clone(), normals: zeros }
     }
 
@@ -66,7 +66,7 @@ impl<'a> Stage<'a> {
     pub fn show(&mut self, shot: &Shot) -> (&[Vec3], &[Vec3]) {
         let frame = Frame { positions_m: &mut self.positions_m, normals: &mut self.normals };
         match shot.blend {
-            Blend::Kernel(kernel) => pose_blend::rates(kernel, self.garment, &shot.pose, &mut self.rates),
+            Blend::Kernel(kernel) => self.garment.blend_rates(kernel, &shot.pose, &mut self.rates),
             Blend::Alone(target) => {
                 self.rates.clear();
                 for driver in 0..self.garment.data().drivers.len() {

@@ -7,7 +7,7 @@
 //! before the belly, arms crossed before the chest, arms raised. Joints that the table does not give stay at rest.
 
 use glam::Quat;
-use kitsuke::garment::PoseTable;
+use kitsuke::arrays::PoseTable;
 use kitsuke::skeleton::{Bone, Pose};
 
 /// Angles of a left arm, degrees, each with its variation to either side; the right arm mirrors them.

@@ -1,10 +1,11 @@
 //! The kimono of one wearer: fitted, its texture corrected, its pose targets transferred. Knows no files and no tables.
 
 use glam::{Vec2, Vec3};
+use kitsuke::arrays::{GarmentData, InvalidGarment};
 use kitsuke::envelope_cholesky::FactorError;
 use kitsuke::fit::texture::{TextureError, TextureScratch, Texturer};
 use kitsuke::fit::{Fit, FitError, Fitter, Scratch, Transfer};
-use kitsuke::garment::{Garment, GarmentData, InvalidGarment};
+use kitsuke::garment::Garment;
 use kitsuke::measurement::Measurements;
 
 /// A fitted kimono that can be posed.

@@ -6,8 +6,8 @@
 //! to the displacement itself. A sleeve that grows thus pushes nothing and tears nothing: it keeps its own shape and travels with the
 //! shoulder to which it is sewn.
 
-use crate::StageError;
 use crate::ir::{SizeShape, Surface};
+use crate::stages::StageError;
 use glam::DVec3;
 use kitsuke::envelope_cholesky::EnvelopeCholesky;
 use rayon::prelude::*;
@@ -145,7 +145,7 @@ fn anchors(stiffness: &Stiffness, rests: &[f64]) -> Vec<Vec<(u32, f64)>> {
 
 /// Per part its share of every vertex: its own cloth, diffused over the mesh. Shares are at least 0 and sum to 1.
 fn shares(base: &Surface, stiffness: &Stiffness, ramp_edges: f64) -> Result<Vec<Vec<f64>>, StageError> {
-    let neighbours = crate::laplacian::Neighbours::new(&base.positions_m, &base.triangles);
+    let neighbours = crate::stages::laplacian::Neighbours::new(&base.positions_m, &base.triangles);
     let reach_m = ramp_edges * neighbours.mean_edge_m(&base.positions_m);
     let factor = stiffness.factor(1.0 / (reach_m * reach_m).max(f64::MIN_POSITIVE))?;
     let mut triangles = base.triangles.iter();

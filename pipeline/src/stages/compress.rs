@@ -1,9 +1,9 @@
 //! Brings a garment into the pack's order and its small numbers. Knows the arrays of a pack, not their bytes.
 
-use crate::StageError;
 use crate::ir;
+use crate::stages::StageError;
 use glam::{Quat, Vec2, Vec3};
-use kitsuke::garment::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
+use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
 use kitsuke::pack::write::{Wanted, quantise};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -61,7 +61,6 @@ pub fn compress(
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
         rbf: None,
         certificate: None,
-        proxies: Vec::new(),
     })
 }
 

@@ -14,7 +14,7 @@ pub fn step_m(source: &ir::Garment) -> f32 {
     source.budget_m / STEPS_PER_BUDGET
 }
 
-/// Puts together what the garment's fit needs; `steps` are the fields of [`weld`](crate::weld::weld) per part, size and base vertex.
+/// Puts together what the garment's fit needs; `steps` are the fields of [`weld`](crate::stages::weld::weld) per part, size and base vertex.
 #[must_use]
 pub fn fit_data(source: &ir::Garment, sizes: &ir::Sizes, steps: &[[i16; 3]], garment: &Garment) -> FitData {
     let mesh = &garment.data().mesh;

@@ -6,15 +6,14 @@
 //! the scales are chosen so that these predictions err least, measured on the cloth, not on the rates. Each trial costs
 //! only matrices as large as the number of samples, because the error of a blend is a quadratic form of its rates.
 
-use crate::StageError;
 use crate::ir;
+use crate::stages::StageError;
 use argmin::core::{CostFunction, Executor, State};
 use argmin::solver::neldermead::NelderMead;
 use glam::DVec3;
-use kitsuke::garment::GarmentData;
-use kitsuke::pose_blend::rbf::{
-    ChainJoint, Group, Rbf, embed_samples, embedding_length, inverse_multiquadric, squared_distance, wendland,
-};
+use kitsuke::arrays::GarmentData;
+use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::pose_blend::rbf::{embed_samples, embedding_length, inverse_multiquadric, squared_distance, wendland};
 use kitsuke::skeleton::{Bone, Skeleton};
 
 /// Where the search for scales begins and may go.

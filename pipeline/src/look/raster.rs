@@ -1,7 +1,7 @@
 //! Pictures of meshes, drawn in software: the same bytes on every machine and any number of threads. Knows triangles,
 //! colours and a camera; knows no garment and no file.
 
-use crate::texture::{Texture, linear, srgb};
+use crate::look::texture::{Texture, linear, srgb};
 use glam::{Mat3, Vec2, Vec3};
 use image::RgbImage;
 use rayon::prelude::*;

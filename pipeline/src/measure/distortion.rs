@@ -2,8 +2,8 @@
 //! texture coordinates are made.
 
 use glam::{DVec2, Vec2, Vec3};
+use kitsuke::arrays::Mesh;
 use kitsuke::fit::texture::{laid_flat, stretch};
-use kitsuke::garment::Mesh;
 use std::collections::BTreeMap;
 
 /// Side of the square of cloth that stands for a motif, metres.
@@ -146,7 +146,7 @@ fn edges(&[a, b, c]: &[DVec2; 3]) -> [DVec2; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kitsuke::garment::Part;
+    use kitsuke::arrays::Part;
 
     /// A sheet of 0.3 m by 0.3 m, stretched and bent into a right angle, with a texture of 2 m per unit that is turned.
     #[test]

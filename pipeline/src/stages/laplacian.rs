@@ -1,7 +1,7 @@
 //! Diffusion over a mesh: neighbours of vertices, and one linear system that carries values from where they are known
 //! to where they are not. Knows nothing of garments.
 
-use crate::StageError;
+use crate::stages::StageError;
 use glam::Vec3;
 
 /// Which vertices are joined by an edge of a triangle, or lie at the very same place (so that an unwelded seam does not

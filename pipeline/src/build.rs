@@ -1,0 +1,209 @@
+//! All stages of a garment in order, each beside what it is made from: the keys of the memo. Knows no files.
+
+use crate::ir;
+use crate::measure::{certificate, verify};
+use crate::memo::{Key, Memo, Origin};
+use crate::stages::{StageError, compress, deltas, fit_data, kernel, regions, skin, weld};
+use glam::Vec3;
+use kitsuke::arrays::SkinWeights;
+use kitsuke::fit::FitData;
+use kitsuke::garment::Garment;
+use kitsuke::pack::write::{write, write_with_fit};
+use kitsuke::skeleton::Bone;
+use rayon::prelude::*;
+
+/// One stage of one build, as progress is told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StageRun {
+    /// For example `deltas`.
+    pub stage: &'static str,
+    /// The target, where the stage makes one at a time.
+    pub target: Option<String>,
+    /// Whether it ran or an earlier result served.
+    pub origin: Origin,
+}
+
+/// A built garment, with what the stages made on the way.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The pack's bytes.
+    pub pack: Vec<u8>,
+    /// The garment in it.
+    pub garment: Garment,
+    /// What fitting it needs; `None` when it has no sizes.
+    pub fit: Option<FitData>,
+    /// How far each target lies from its file.
+    pub quality: Vec<verify::TargetQuality>,
+    /// What painted masks cut off.
+    pub remainders: Vec<regions::Remainder>,
+    /// Skin weights per base vertex.
+    pub skin: Vec<SkinWeights>,
+    /// Region masks in 1/65535: per base vertex one row of as many as there are drivers.
+    pub masks: Vec<u16>,
+    /// Per target and base vertex, metres.
+    pub deltas: Vec<Vec<Vec3>>,
+}
+
+/// Builds one garment. Each finished stage is told to `progress`, from any thread.
+///
+/// # Errors
+/// When a stage gives up; the error names stage and element.
+pub fn build_garment(
+    source: &ir::Garment,
+    memo: &Memo,
+    progress: &(dyn Fn(StageRun) + Sync),
+) -> Result<Built, StageError> {
+    let ir::Garment { base, body, pose_bones, drivers, targets, .. } = source;
+    let tell = |stage, target: Option<&ir::TargetShape>, origin| {
+        progress(StageRun { stage, target: target.map(|target| target.name.clone()), origin });
+    };
+
+    // The cloth follows the body under it.
+    let settings = skin::Settings::default();
+    let obi_bottom_m = source.obi.as_ref().map(|obi| obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)));
+    let (words, origin) = memo.recall(&keys::skin(base, body, obi_bottom_m, &settings), || {
+        skin::skin(base, body, obi_bottom_m, &settings).map(|skin| skin.into_iter().map(to_words).collect())
+    })?;
+    let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
+    tell("skin", None, origin);
+
+    // What the artist's shapes have beyond that.
+    let deltas = targets.par_iter().map(|target| {
+        let (deltas, origin) = memo.recall(&keys::deltas(base, &body.skeleton, &skin, pose_bones, target), || {
+            deltas::deltas(&base.positions_m, &skin, &body.skeleton, pose_bones, target)
+        })?;
+        tell("deltas", Some(target), origin);
+        Ok(deltas)
+    });
+    let deltas: Vec<Vec<Vec3>> = deltas.collect::<Result<_, StageError>>()?;
+
+    // Which driver owns how much of it, where.
+    let settings = regions::Settings::default();
+    let (masks, origin) = memo.recall(&keys::regions(source, &deltas, &settings), || {
+        regions::regions(base, &source.regions, drivers, pose_bones, targets, &deltas, &settings)
+    })?;
+    let remainders = regions::remainders(&masks, drivers, pose_bones, targets, &deltas);
+    tell("regions", None, origin);
+
+    // The pack: small numbers in segments, checked, written, opened again and compared with the files.
+    let mut data = compress::compress(source, &skin, &masks, &deltas)?;
+    let arms = kernel::arms(drivers, &body.skeleton);
+    let settings = kernel::Settings::default();
+    let scales = kernel::tune(&data, &arms, &settings)?;
+    data.rbf = Some(kernel::interpolate(&data, &arms, &scales)?);
+    let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
+    let garment = checked(data.clone())?;
+    tell("compress", None, Origin::Computed);
+
+    // What it promises between the samples.
+    let certificate = certificate::certificate(&garment, &certificate::Settings::default())?;
+    certificate::keep_budgets(&certificate, source)?;
+    data.certificate = Some(certificate);
+    let garment = checked(data)?;
+    tell("certificate", None, Origin::Computed);
+
+    // What fitting it to a wearer needs.
+    let fit = source.sizes.as_ref().map(|sizes| {
+        let (rests, step_m, settings) = (rests(&garment, &skin), fit_data::step_m(source), weld::Settings::default());
+        let (steps, origin) = memo.recall(&keys::weld(base, sizes, &rests, step_m, &settings), || {
+            weld::weld(base, &sizes.shapes, &rests, f64::from(step_m), &settings)
+        })?;
+        let fit = fit_data::fit_data(source, sizes, &steps, &garment);
+        tell("weld", None, origin);
+        Ok(fit)
+    });
+    let fit = fit.transpose()?;
+    let pack = match &fit {
+        Some(fit) => write_with_fit(&garment, fit).map_err(|error| StageError::new("weld", error.to_string()))?,
+        None => write(&garment),
+    };
+    tell("write", None, Origin::Computed);
+    let quality = verify::verify(source, &masks, &deltas, &pack)?;
+    tell("verify", None, Origin::Computed);
+    Ok(Built { pack, garment, fit, quality, remainders, skin, masks, deltas })
+}
+
+/// How much of each vertex hangs from the shoulders, 0 to 1: there a kimono rests, whatever its size.
+fn rests(garment: &Garment, skin: &[SkinWeights]) -> Vec<f64> {
+    const BONES: [Bone; 5] = [Bone::Chest, Bone::UpperChest, Bone::Neck, Bone::LeftShoulder, Bone::RightShoulder];
+    let joints = garment.data().skeleton.joints();
+    let rests = |skin: &SkinWeights| {
+        let places = skin.joints.iter().zip(skin.weights);
+        let resting = places.filter(|(joint, _)| BONES.contains(&joints[usize::from(**joint)].bone));
+        resting.map(|(_, weight)| f64::from(weight) / 65535.0).sum()
+    };
+    skin.iter().map(rests).collect()
+}
+
+/// Skin weights as the memo keeps them: four joints, four weights.
+fn to_words(skin: SkinWeights) -> [u16; 8] {
+    let ([a, b, c, d], [e, f, g, h]) = (skin.joints.map(u16::from), skin.weights);
+    [a, b, c, d, e, f, g, h]
+}
+
+fn from_words([a, b, c, d, e, f, g, h]: [u16; 8]) -> SkinWeights {
+    SkinWeights { joints: [a, b, c, d].map(|joint| joint as u8), weights: [e, f, g, h] }
+}
+
+/// What each remembered stage is made from. An input that is missing here would make a stale pack.
+mod keys {
+    use super::{Key, SkinWeights, deltas, ir, regions, skin, to_words, weld};
+    use glam::Vec3;
+    use kitsuke::skeleton::{Bone, Skeleton};
+
+    pub fn skin(base: &ir::Surface, body: &ir::Body, obi_bottom_m: Option<f32>, settings: &skin::Settings) -> Key {
+        let joints: Vec<u8> = body.skin.iter().flatten().map(|(joint, _)| *joint).collect();
+        let weights: Vec<f32> = body.skin.iter().flatten().map(|(_, weight)| *weight).collect();
+        let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {obi_bottom_m:?}"));
+        let key = skeleton(key, &body.skeleton).array(&joints).array(&weights);
+        surface(surface(key, base), &body.surface)
+    }
+
+    pub fn deltas(
+        base: &ir::Surface,
+        body: &Skeleton,
+        skin: &[SkinWeights],
+        pose_bones: &[Bone],
+        target: &ir::TargetShape,
+    ) -> Key {
+        let words: Vec<[u16; 8]> = skin.iter().copied().map(to_words).collect();
+        let key = skeleton(Key::new("deltas", deltas::VERSION), body).array(&base.positions_m).array(&words);
+        bones(key, pose_bones).array(&target.rotations).array(&target.positions_m)
+    }
+
+    pub fn regions(source: &ir::Garment, deltas: &[Vec<Vec3>], settings: &regions::Settings) -> Key {
+        let key = Key::new("regions", regions::VERSION).text(&format!("{settings:?}"));
+        let mut key = bones(surface(key, &source.base), &source.pose_bones);
+        for driver in &source.drivers {
+            key = bones(key.text("driver"), &driver.joints);
+        }
+        for (target, deltas) in source.targets.iter().zip(deltas) {
+            key = key.array(&target.rotations).array(deltas);
+        }
+        match &source.regions {
+            ir::Regions::Auto => key.text("auto"),
+            ir::Regions::Painted(masks) => masks.iter().fold(key.text("painted"), |key, mask| key.array(mask)),
+        }
+    }
+
+    pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {
+        let key =
+            surface(Key::new("weld", weld::VERSION).text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
+        let counts: Vec<u32> = base.parts.iter().map(|part| part.triangle_count).collect();
+        sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
+    }
+
+    fn surface(key: Key, surface: &ir::Surface) -> Key {
+        key.array(&surface.positions_m).array(&surface.triangles)
+    }
+
+    fn skeleton(key: Key, skeleton: &Skeleton) -> Key {
+        skeleton.joints().iter().fold(key.text("skeleton"), |key, joint| {
+            key.array(&[joint.bone as u8, joint.parent.map_or(u8::MAX, |parent| parent)]).array(&[joint.rest_m])
+        })
+    }
+
+    fn bones(key: Key, bones: &[Bone]) -> Key {
+        key.array(&bones.iter().map(|&bone| bone as u8).collect::<Vec<_>>())
+    }
+}

@@ -1,0 +1,29 @@
+//! Source → Ir in one call. Knows neither stages nor packs.
+
+use crate::diagnostic::{self, Diagnostic, Severity};
+use crate::source::InputFile;
+use crate::{check, ir, source};
+use std::path::Path;
+
+/// What a garment folder gave.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The checked garment; `None` when there is an error.
+    pub garment: Option<ir::Garment>,
+    /// Errors and warnings, sorted.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Every file that was read, by path.
+    pub inputs: Vec<InputFile>,
+}
+
+/// Reads and checks a garment folder: all mistakes in one run.
+#[must_use]
+pub fn load(garment_dir: &Path) -> Loaded {
+    let mut report = Vec::new();
+    let (source, inputs) = source::read(garment_dir, &mut report);
+    let garment = source.and_then(|source| check::check(source, &mut report));
+    let diagnostics = diagnostic::sorted(report);
+    let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
+    assert_eq!(garment.is_some(), is_sound, "a garment is refused exactly when the reason is reported");
+    Loaded { garment, diagnostics, inputs }
+}

@@ -1,0 +1,15 @@
+//! Ir → Pack, one file per stage: plain functions from what a stage needs to what it makes. No files, no globals, no prints;
+//! settings stand beside their stage.
+
+pub mod compress;
+pub mod deltas;
+mod error;
+pub mod fit_data;
+pub mod kernel;
+mod laplacian;
+pub mod regions;
+pub mod skin;
+mod weights;
+pub mod weld;
+
+pub use error::StageError;

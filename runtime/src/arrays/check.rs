@@ -1,0 +1,452 @@
+//! The one check of a garment's arrays: after it nothing that evaluation does can fail or index out of bounds.
+
+use super::{Certificate, ChainJoint, GarmentData, Mesh, PoseTable, limits};
+use crate::skeleton::{Bone, SkeletonError};
+use glam::{Quat, Vec2, Vec3};
+use std::collections::BTreeSet;
+use std::f32::consts::PI;
+
+/// Which element of a [`GarmentData`] is wrong, and what is wrong with it. Elements are numbered from 0.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidGarment {
+    /// The id holds other characters, none, or too many.
+    #[error("the id {0:?} must be 1 to {max} characters of a-z, 0-9, _ and -", max = limits::NAME_BYTES)]
+    Id(String),
+    /// The garment's name is empty, too long or not printable.
+    #[error("the garment's name must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
+    GarmentName,
+    /// The name of an element is empty, too long or not printable.
+    #[error("the name of {what} {index} must be 1 to {max} bytes of printable text", max = limits::NAME_BYTES)]
+    Name {
+        /// `part`, `driver`, `target` …
+        what: &'static str,
+        /// Its number.
+        index: usize,
+    },
+    /// Two elements of one kind share a name.
+    #[error("two {what}s are named {name:?}")]
+    DuplicateName {
+        /// `part`, `driver`, `target` …
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// There are more elements than the limit, or none where one is needed.
+    #[error("there are {count} {what}; {min} to {max} are possible")]
+    Count {
+        /// Of what there are too many or too few.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there must be.
+        min: usize,
+        /// How many there may be.
+        max: usize,
+    },
+    /// Two arrays that describe the same elements differ in length.
+    #[error("there are {length} {what} instead of {expected}")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        length: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// A position is not finite or out of bounds.
+    #[error("the position of vertex {0} is not within {max} m of the origin", max = limits::EXTENT_M)]
+    Position(usize),
+    /// A texture coordinate is not finite or out of bounds.
+    #[error("the texture coordinate of vertex {0} is not within ±{max}", max = limits::UV)]
+    Uv(usize),
+    /// A twin copies a vertex that is not among the unique ones.
+    #[error("twin {twin} copies vertex {vertex}, which is none of the unique vertices")]
+    Twin {
+        /// Number of the twin.
+        twin: usize,
+        /// What it wants to copy.
+        vertex: u32,
+    },
+    /// A triangle has a corner that does not exist.
+    #[error("triangle {triangle} has a corner at vertex {vertex}, which does not exist")]
+    Triangle {
+        /// Number of the triangle.
+        triangle: usize,
+        /// The missing vertex.
+        vertex: u32,
+    },
+    /// The source vertices are no permutation: out of range, or the same one twice.
+    #[error("source vertex {source_vertex} of vertex {vertex} is out of range or occurs twice")]
+    SourceVertex {
+        /// Number of the vertex.
+        vertex: usize,
+        /// Its source vertex.
+        source_vertex: u32,
+    },
+    /// A vertex is skinned to a joint that the skeleton lacks.
+    #[error("vertex {vertex} is skinned to joint {joint}, which the skeleton lacks")]
+    SkinJoint {
+        /// Number of the vertex.
+        vertex: usize,
+        /// The missing joint.
+        joint: u8,
+    },
+    /// Skin weights of a vertex do not sum to one.
+    #[error("the skin weights of vertex {vertex} sum to {sum} instead of 65535")]
+    SkinWeights {
+        /// Number of the vertex.
+        vertex: usize,
+        /// Their sum.
+        sum: u32,
+    },
+    /// A driver has no joints, or the same one twice, or one that the pose table does not give.
+    #[error("the joints of driver {0} must be distinct bones of the pose table, at least one")]
+    DriverJoints(usize),
+    /// A driver's threshold is out of range.
+    #[error("the threshold of driver {0} must be above 0 and at most π times the root of its joint count")]
+    DriverThreshold(usize),
+    /// A segment has no vertices.
+    #[error("segment {0} is empty")]
+    EmptySegment(usize),
+    /// A segment's drivers do not ascend or do not exist.
+    #[error("the drivers of segment {0} must be numbers of drivers, ascending")]
+    SegmentDrivers(usize),
+    /// A segment has another number of masks than its vertices and drivers need.
+    #[error("segment {segment} has {length} masks instead of {expected}")]
+    SegmentMasks {
+        /// Number of the segment.
+        segment: usize,
+        /// How many masks it has.
+        length: usize,
+        /// How many it needs.
+        expected: usize,
+    },
+    /// The masks of a vertex sum to more than one.
+    #[error("the masks of row {row} of segment {segment} sum to {sum}, more than 65535")]
+    MaskSum {
+        /// Number of the segment.
+        segment: usize,
+        /// The vertex, counted from the segment's first.
+        row: usize,
+        /// The sum.
+        sum: u32,
+    },
+    /// A target's step is not a usable length.
+    #[error("the step of target {0} must be above 0 m, and 32767 steps at most {max} m", max = limits::EXTENT_M)]
+    TargetStep(usize),
+    /// A target's segments do not ascend or do not exist.
+    #[error("the segments of target {0} must be numbers of segments, ascending")]
+    TargetSegments(usize),
+    /// A target has another number of deltas than its segments have vertices.
+    #[error("target {target} has {length} deltas instead of {expected}")]
+    TargetDeltas {
+        /// Number of the target.
+        target: usize,
+        /// How many deltas it has.
+        length: usize,
+        /// How many vertices its segments have.
+        expected: usize,
+    },
+    /// A width or the ridge of the default kernel is out of range.
+    #[error("the widths and the ridge of the default kernel must be above 0 and at most {max}", max = limits::RBF_WIDTH)]
+    RbfWidth,
+    /// A group names a driver that does not exist or is in another group too.
+    #[error("driver {driver} of group {group} does not exist or is in two groups")]
+    GroupDriver {
+        /// Number of the group.
+        group: usize,
+        /// Number of the driver.
+        driver: u8,
+    },
+    /// A driver is in no group.
+    #[error("driver {0} is in no group of the default kernel")]
+    Ungrouped(usize),
+    /// The chain of a group is no list of distinct bones of the pose table with unit axes and usable scales.
+    #[error("the chain of group {0} must be distinct bones of the pose table, with unit axes and scales of 0 or more")]
+    GroupChain(usize),
+    /// A coefficient of a group is not a usable number.
+    #[error("the coefficients of group {0} must lie within ±{max}", max = limits::RBF_COEFFICIENT)]
+    GroupCoefficient(usize),
+    /// A figure of the certificate is not a finite number of 0 or more.
+    #[error("the figures of the certificate must be finite and 0 or more")]
+    CertificateFigure,
+    /// The certificate names a row that the pose table lacks.
+    #[error("the certificate names row {0}, which the pose table lacks")]
+    CertificateRow(u16),
+    /// The joints are no skeleton.
+    #[error(transparent)]
+    Skeleton(SkeletonError),
+    /// A bone of the pose table occurs twice or is not in the skeleton.
+    #[error("bone {} of the pose table occurs twice or is not in the skeleton", .0.name())]
+    PoseBone(Bone),
+    /// A rotation of the pose table is no unit quaternion.
+    #[error("the rotation of {} in row {row} of the pose table is no unit quaternion", bone.name())]
+    PoseRotation {
+        /// Row of the table.
+        row: usize,
+        /// Which bone.
+        bone: Bone,
+    },
+}
+
+impl GarmentData {
+    /// Checks everything that evaluation relies on.
+    ///
+    /// # Errors
+    /// Names the first element that breaks a rule.
+    pub fn check(&self) -> Result<(), InvalidGarment> {
+        check_mesh(&self.mesh)?;
+        check_skin(self)?;
+        check_drivers(self)?;
+        check_segments(self)?;
+        check_targets(self)?;
+        check_poses(self)?;
+        check_rbf(self)?;
+        check_certificate(self)?;
+        check_texts(self)
+    }
+}
+
+fn check_mesh(mesh: &Mesh) -> Result<(), InvalidGarment> {
+    let unique = mesh.positions_m.len();
+    let vertices = unique + mesh.twin_of.len();
+    check_count("unique vertices", unique, 1, limits::VERTICES)?;
+    check_count("vertices", vertices, 1, limits::VERTICES)?;
+    check_count("triangles", mesh.triangles.len(), 1, limits::TRIANGLES)?;
+    check_count("parts", mesh.parts.len(), 1, limits::PARTS)?;
+
+    let far = |position: &Vec3| !(position.is_finite() && position.abs().max_element() <= limits::EXTENT_M);
+    if let Some(vertex) = mesh.positions_m.iter().position(far) {
+        return Err(InvalidGarment::Position(vertex));
+    }
+    if !mesh.uv.is_empty() {
+        check_length("texture coordinates", mesh.uv.len(), vertices)?;
+    }
+    let far = |uv: &Vec2| !(uv.is_finite() && uv.abs().max_element() <= limits::UV);
+    if let Some(vertex) = mesh.uv.iter().position(far) {
+        return Err(InvalidGarment::Uv(vertex));
+    }
+    for (twin, &vertex) in mesh.twin_of.iter().enumerate() {
+        if vertex as usize >= unique {
+            return Err(InvalidGarment::Twin { twin, vertex });
+        }
+    }
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= vertices) {
+            return Err(InvalidGarment::Triangle { triangle, vertex });
+        }
+    }
+    let in_parts = total(mesh.parts.iter().map(|part| part.triangle_count));
+    check_length("triangles in parts", in_parts, mesh.triangles.len())?;
+
+    check_length("source vertices", mesh.source_vertex.len(), unique)?;
+    let mut seen = vec![false; unique];
+    for (vertex, &source_vertex) in mesh.source_vertex.iter().enumerate() {
+        match seen.get_mut(source_vertex as usize) {
+            Some(seen @ false) => *seen = true,
+            _ => return Err(InvalidGarment::SourceVertex { vertex, source_vertex }),
+        }
+    }
+    Ok(())
+}
+
+fn check_skin(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_length("skin weights", data.skin.len(), data.mesh.positions_m.len())?;
+    let joint_count = data.skeleton.joints().len();
+    for (vertex, skin) in data.skin.iter().enumerate() {
+        if let Some(&joint) = skin.joints.iter().find(|&&joint| usize::from(joint) >= joint_count) {
+            return Err(InvalidGarment::SkinJoint { vertex, joint });
+        }
+        let sum = skin.weights.iter().map(|&weight| u32::from(weight)).sum();
+        if sum != u32::from(u16::MAX) {
+            return Err(InvalidGarment::SkinWeights { vertex, sum });
+        }
+    }
+    Ok(())
+}
+
+fn check_drivers(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("drivers", data.drivers.len(), 0, limits::DRIVERS)?;
+    for (i, driver) in data.drivers.iter().enumerate() {
+        let distinct: BTreeSet<Bone> = driver.joints.iter().copied().collect();
+        let given = driver.joints.iter().all(|bone| data.poses.bones.contains(bone));
+        if distinct.is_empty() || distinct.len() != driver.joints.len() || !given {
+            return Err(InvalidGarment::DriverJoints(i));
+        }
+        // The distance of two poses is the root of the sum over joints of squared angles, each at most π.
+        let farthest_rad = PI * (driver.joints.len() as f32).sqrt();
+        if !(driver.threshold_rad > 0.0 && driver.threshold_rad <= farthest_rad) {
+            return Err(InvalidGarment::DriverThreshold(i));
+        }
+    }
+    Ok(())
+}
+
+fn check_segments(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("segments", data.segments.len(), 1, limits::SEGMENTS)?;
+    let covered = total(data.segments.iter().map(|segment| segment.vertex_count));
+    check_length("vertices in segments", covered, data.mesh.positions_m.len())?;
+    for (i, segment) in data.segments.iter().enumerate() {
+        if segment.vertex_count == 0 {
+            return Err(InvalidGarment::EmptySegment(i));
+        }
+        let exist = segment.drivers.iter().all(|&driver| usize::from(driver) < data.drivers.len());
+        if !exist || !ascend(&segment.drivers) {
+            return Err(InvalidGarment::SegmentDrivers(i));
+        }
+        let columns = segment.drivers.len();
+        let (length, expected) = (segment.masks.len(), segment.vertex_count as usize * columns);
+        if length != expected && !(segment.masks.is_empty() && columns == 1) {
+            return Err(InvalidGarment::SegmentMasks { segment: i, length, expected });
+        }
+        for (row, masks) in segment.masks.chunks_exact(columns.max(1)).enumerate() {
+            let sum = masks.iter().map(|&mask| u32::from(mask)).sum();
+            if sum > u32::from(u16::MAX) {
+                return Err(InvalidGarment::MaskSum { segment: i, row, sum });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_targets(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("targets", data.targets.len(), 0, limits::TARGETS)?;
+    for (i, target) in data.targets.iter().enumerate() {
+        if !(target.step_m > 0.0 && target.step_m * f32::from(i16::MAX) <= limits::EXTENT_M) {
+            return Err(InvalidGarment::TargetStep(i));
+        }
+        let exist = target.segments.iter().all(|&segment| usize::from(segment) < data.segments.len());
+        if !exist || !ascend(&target.segments) {
+            return Err(InvalidGarment::TargetSegments(i));
+        }
+        let vertex_count = |&segment: &u16| data.segments[usize::from(segment)].vertex_count as usize;
+        let (length, expected) = (target.deltas.len(), target.segments.iter().map(vertex_count).sum());
+        if length != expected {
+            return Err(InvalidGarment::TargetDeltas { target: i, length, expected });
+        }
+    }
+    Ok(())
+}
+
+fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let PoseTable { bones, rotations } = &data.poses;
+    let mut seen = BTreeSet::new();
+    for &bone in bones {
+        if data.skeleton.index_of(bone).is_none() || !seen.insert(bone) {
+            return Err(InvalidGarment::PoseBone(bone));
+        }
+    }
+    check_length("rotations in the pose table", rotations.len(), (data.targets.len() + 1) * bones.len())?;
+    let skewed = |q: &Quat| !(q.is_finite() && (q.length() - 1.0).abs() <= 1e-3);
+    if let Some(i) = rotations.iter().position(skewed) {
+        return Err(InvalidGarment::PoseRotation { row: i / bones.len(), bone: bones[i % bones.len()] });
+    }
+    Ok(())
+}
+
+fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let Some(rbf) = &data.rbf else { return Ok(()) };
+    let usable = |width: f64| width > 1e-9 && width <= limits::RBF_WIDTH;
+    if ![rbf.joint_width, rbf.reach, rbf.ridge].into_iter().all(usable) {
+        return Err(InvalidGarment::RbfWidth);
+    }
+    check_count("groups", rbf.groups.len(), 1, limits::DRIVERS)?;
+    let mut owned = vec![false; data.drivers.len()];
+    for (i, group) in rbf.groups.iter().enumerate() {
+        for &driver in &group.drivers {
+            match owned.get_mut(usize::from(driver)) {
+                Some(owned @ false) => *owned = true,
+                _ => return Err(InvalidGarment::GroupDriver { group: i, driver }),
+            }
+        }
+        check_count("joints in a chain", group.chain.len(), 1, limits::CHAIN)?;
+        let distinct: BTreeSet<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
+        let scale = |scale: f64| (0.0..=limits::RBF_WIDTH).contains(&scale);
+        let sound = |joint: &ChainJoint| {
+            data.poses.bones.contains(&joint.bone)
+                && (joint.axis.length() - 1.0).abs() <= 1e-6
+                && scale(joint.swing)
+                && scale(joint.twist)
+        };
+        if distinct.len() != group.chain.len() || !group.chain.iter().all(sound) {
+            return Err(InvalidGarment::GroupChain(i));
+        }
+        let expected = (data.targets.len() + 1) * data.targets.len();
+        for coefficients in [&group.own, &group.joint] {
+            check_length("coefficients of a group", coefficients.len(), expected)?;
+            if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
+                return Err(InvalidGarment::GroupCoefficient(i));
+            }
+        }
+    }
+    match owned.iter().position(|&owned| !owned) {
+        Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
+        None => Ok(()),
+    }
+}
+
+fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let Some(certificate) = &data.certificate else { return Ok(()) };
+    let Certificate { speed_mm_per_deg, fastest_rows, step_mm, step_change_mm, left_out, nearest, .. } = certificate;
+    let errors = left_out.iter().flat_map(|error| [error.mean_mm, error.p99_mm, error.max_mm]);
+    let mut figures = [*speed_mm_per_deg, *step_mm, *step_change_mm, nearest.apart_deg].into_iter().chain(errors);
+    if !figures.all(|figure| (0.0..f32::INFINITY).contains(&figure)) {
+        return Err(InvalidGarment::CertificateFigure);
+    }
+    if !left_out.is_empty() {
+        check_length("left-out errors", left_out.len(), data.targets.len())?;
+    }
+    match fastest_rows.iter().chain(&nearest.rows).find(|&&row| usize::from(row) > data.targets.len()) {
+        Some(&row) => Err(InvalidGarment::CertificateRow(row)),
+        None => Ok(()),
+    }
+}
+
+fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let id_char = |c: u8| matches!(c, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-');
+    if !(1..=limits::NAME_BYTES).contains(&data.id.len()) || !data.id.bytes().all(id_char) {
+        return Err(InvalidGarment::Id(data.id.clone()));
+    }
+    if !is_name(&data.name) {
+        return Err(InvalidGarment::GarmentName);
+    }
+    check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
+    let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
+    check_names("group", groups.map(|group| group.name.as_str()))?;
+    check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
+    check_names("target", data.targets.iter().map(|target| target.name.as_str()))
+}
+
+fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), InvalidGarment> {
+    let mut seen = BTreeSet::new();
+    for (index, name) in names.enumerate() {
+        if !is_name(name) {
+            return Err(InvalidGarment::Name { what, index });
+        }
+        if !seen.insert(name) {
+            return Err(InvalidGarment::DuplicateName { what, name: name.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+fn is_name(text: &str) -> bool {
+    (1..=limits::NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control)
+}
+
+fn check_count(what: &'static str, count: usize, min: usize, max: usize) -> Result<(), InvalidGarment> {
+    if (min..=max).contains(&count) { Ok(()) } else { Err(InvalidGarment::Count { what, count, min, max }) }
+}
+
+fn check_length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidGarment> {
+    if length == expected { Ok(()) } else { Err(InvalidGarment::Length { what, length, expected }) }
+}
+
+/// The sum, which no number of a hostile pack makes overflow.
+fn total(counts: impl Iterator<Item = u32>) -> usize {
+    counts.fold(0, |sum: usize, count| sum.saturating_add(count as usize))
+}
+
+fn ascend<T: PartialOrd>(values: &[T]) -> bool {
+    values.windows(2).all(|pair| pair[0] < pair[1])
+}

@@ -1,0 +1,255 @@
+//! What a pack holds, as plain arrays, and the one check of their every index and number, which writer and reader share. Knows
+//! neither the bytes of a pack nor what is computed from the arrays.
+
+mod check;
+
+pub use check::InvalidGarment;
+
+use crate::skeleton::{Bone, Pose, Skeleton};
+use glam::{DVec3, Quat, Vec2, Vec3};
+
+/// Sizes beyond which nothing is opened or written. Each is far above real garments and small enough that a hostile
+/// pack cannot exhaust a phone.
+pub mod limits {
+    /// Longest pack, bytes.
+    pub const PACK_BYTES: usize = 256 << 20;
+    /// Most bytes that all decoded sections may take together.
+    pub const DECODED_BYTES: usize = 512 << 20;
+    /// Most vertices, seam twins included.
+    pub const VERTICES: usize = 1 << 22;
+    /// Most triangles.
+    pub const TRIANGLES: usize = 1 << 23;
+    /// Most targets (the base is not one).
+    pub const TARGETS: usize = 4096;
+    /// Most drivers, each with its region.
+    pub const DRIVERS: usize = 32;
+    /// Most segments of the vertex order.
+    pub const SEGMENTS: usize = 4096;
+    /// Most parts.
+    pub const PARTS: usize = 256;
+    /// Longest name, bytes.
+    pub const NAME_BYTES: usize = 256;
+    /// Most joints in a chain of the default kernel.
+    pub const CHAIN: usize = 16;
+    /// Largest width, ridge or scale of the default kernel.
+    pub const RBF_WIDTH: f64 = 1e3;
+    /// Largest coefficient of the default kernel, either sign.
+    pub const RBF_COEFFICIENT: f64 = 1e9;
+    /// Largest coordinate, and largest coordinate of a delta, metres.
+    pub const EXTENT_M: f32 = 100.0;
+    /// Largest texture coordinate.
+    pub const UV: f32 = 1024.0;
+}
+
+/// The kimono's surface in the T-pose.
+///
+/// Vertices `0..unique` are the cloth; the rest are *seam twins*: copies that exist because one cloth point carries two
+/// texture coordinates. Buffers of this length go to a GPU as they are; twins are copied after each frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// T-pose positions of the unique vertices, metres.
+    pub positions_m: Vec<Vec3>,
+    /// Texture coordinates of all vertices, twins included; v = 0 is the bottom row of the image. Empty when the
+    /// garment has none.
+    pub uv: Vec<Vec2>,
+    /// For each twin (vertex `unique + i`) the unique vertex it copies.
+    pub twin_of: Vec<u32>,
+    /// Triangles, counter-clockwise from outside, over all vertices, grouped by part.
+    pub triangles: Vec<[u32; 3]>,
+    /// Named pieces of cloth (sode, migoro, okumi, eri …), in triangle order.
+    pub parts: Vec<Part>,
+    /// For each unique vertex its number in the artist's base file.
+    pub source_vertex: Vec<u32>,
+}
+
+/// A named piece: a run of triangles.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Part {
+    /// The name in the base file, for example `sode_left`.
+    pub name: String,
+    /// How many triangles, following those of the part before.
+    pub triangle_count: u32,
+}
+
+/// Up to four joints that move a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SkinWeights {
+    /// Joint numbers in the garment's skeleton; unused places have weight 0.
+    pub joints: [u8; 4],
+    /// Weights in 1/65535; they sum to 65535 exactly.
+    pub weights: [u16; 4],
+}
+
+/// What turns poses into blend rates: a joint or a group of joints, and the region of the mesh that it owns. The
+/// garment's driver `i` owns region `i`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Driver {
+    /// For example `rightShoulder`.
+    pub name: String,
+    /// The joints whose rotations are compared; all of them stand in the pose table.
+    pub joints: Vec<Bone>,
+    /// c_j of the paper: samples farther than this are not similar. Radians, above 0.
+    pub threshold_rad: f32,
+}
+
+/// A run of vertices that the same regions cover.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Segment {
+    /// How many unique vertices, following those of the segment before.
+    pub vertex_count: u32,
+    /// The drivers whose regions cover these vertices, ascending; none where no target moves the cloth.
+    pub drivers: Vec<u8>,
+    /// Region masks in 1/65535, `vertex_count` rows of `drivers.len()`; a row sums to at most 65535.
+    /// Empty when the one driver owns every vertex wholly.
+    pub masks: Vec<u16>,
+}
+
+/// The shape of one sample pose, as deltas from the base in its unposed space.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Target {
+    /// For example `a_pose_45`.
+    pub name: String,
+    /// Metres per unit of `deltas`; above 0.
+    pub step_m: f32,
+    /// The segments that this target moves, ascending.
+    pub segments: Vec<u16>,
+    /// x, y, z per vertex of those segments, one after the other, in units of `step_m`.
+    pub deltas: Vec<[i16; 3]>,
+}
+
+/// The sampled poses: row 0 is the base (T-pose), row `k + 1` belongs to target `k`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PoseTable {
+    /// The joints that the table gives.
+    pub bones: Vec<Bone>,
+    /// Local rotations relative to the T-pose, row by row, `bones.len()` in each.
+    pub rotations: Vec<Quat>,
+}
+
+impl PoseTable {
+    /// How many rows the table has; a table without bones has none.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rotations.len() / self.bones.len().max(1)
+    }
+
+    /// One row as a pose; joints that the table does not give are at rest.
+    #[must_use]
+    pub fn pose(&self, row: usize) -> Pose {
+        self.bones.iter().zip(self.row(row)).fold(Pose::REST, |pose, (&bone, &rotation)| pose.with(bone, rotation))
+    }
+
+    /// The rotations of one row.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[Quat] {
+        &self.rotations[row * self.bones.len()..(row + 1) * self.bones.len()]
+    }
+}
+
+/// A kimono as plain arrays; everything may be wrong until [`Garment::new`] has checked it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GarmentData {
+    /// The catalog's name for it: `a-z`, `0-9`, `_`, `-`.
+    pub id: String,
+    /// The name people read.
+    pub name: String,
+    /// The skeleton of the body on which it was made.
+    pub skeleton: Skeleton,
+    /// The surface.
+    pub mesh: Mesh,
+    /// Skin weights of the unique vertices.
+    pub skin: Vec<SkinWeights>,
+    /// Drivers and, by the same numbers, regions.
+    pub drivers: Vec<Driver>,
+    /// The vertex order: segments cover the unique vertices one after the other.
+    pub segments: Vec<Segment>,
+    /// The target shapes.
+    pub targets: Vec<Target>,
+    /// The poses of base and targets.
+    pub poses: PoseTable,
+    /// The default kernel; without it the paper's is used.
+    pub rbf: Option<Rbf>,
+    /// What was measured of the blending when the pack was built.
+    pub certificate: Option<Certificate>,
+}
+
+/// What a pack's blending promises between its samples, as measured when it was built. Rows are those of the pose
+/// table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Certificate {
+    /// Fastest movement of any vertex found over the sampled pose space, mm per degree of one joint.
+    pub speed_mm_per_deg: f32,
+    /// The joint that was turned there.
+    pub fastest_joint: Bone,
+    /// The two rows nearest to that pose.
+    pub fastest_rows: [u16; 2],
+    /// Farthest that any vertex moves when no joint turns by more than 0.01 degrees, along sampled paths, mm.
+    pub step_mm: f32,
+    /// Farthest that any vertex's movement differs between two such steps that follow each other, mm.
+    pub step_change_mm: f32,
+    /// Error of every target when its row is left out of the table; empty without a default kernel.
+    pub left_out: Vec<LeftOut>,
+    /// The two rows that are hardest to tell apart.
+    pub nearest: NearestPair,
+}
+
+/// How far a target lies from its prediction by the others, over all vertices, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeftOut {
+    /// Mean.
+    pub mean_mm: f32,
+    /// 99th percentile.
+    pub p99_mm: f32,
+    /// Largest.
+    pub max_mm: f32,
+}
+
+/// Two rows of the pose table and the root of the summed squared angles between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestPair {
+    /// The rows.
+    pub rows: [u16; 2],
+    /// Degrees.
+    pub apart_deg: f32,
+}
+
+/// The default kernel of a garment, as the pipeline fitted it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rbf {
+    /// Drivers that blend together; every driver is in exactly one group.
+    pub groups: Vec<Group>,
+    /// Distance over all groups beyond which a sample's correction ends; above 0.
+    pub joint_width: f64,
+    /// Distance from every sample beyond which the skinned base remains; above 0.
+    pub reach: f64,
+    /// Ridge with which `own` was solved, above 0: unused per frame, and needed to solve it anew without a sample.
+    pub ridge: f64,
+}
+
+/// Drivers that blend together, usually those of one arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// For example `rightArm`.
+    pub name: String,
+    /// The drivers whose rates this group sets.
+    pub drivers: Vec<u8>,
+    /// The joints that tell poses apart, from the trunk outward.
+    pub chain: Vec<ChainJoint>,
+    /// Coefficients of φ: one row per sample (the base first), one column per target.
+    pub own: Vec<f64>,
+    /// Coefficients of ψ, likewise.
+    pub joint: Vec<f64>,
+}
+
+/// A joint of a group's chain and how much its turning matters to the shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainJoint {
+    /// The bone that turns.
+    pub bone: Bone,
+    /// The bone's direction in the T-pose, unit length.
+    pub axis: DVec3,
+    /// Scale of the direction in which the bone points; 0 or more.
+    pub swing: f64,
+    /// Scale of the turn about that direction; 0 or more.
+    pub twist: f64,
+}

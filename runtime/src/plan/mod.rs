@@ -1,0 +1,117 @@
+//! What evaluation derives once from a garment's checked arrays: the same numbers in the order in which a frame reads them.
+//! Knows no pose and no frame.
+
+mod strips;
+
+#[cfg(test)]
+pub(crate) use strips::FEWEST_QUADS;
+pub(crate) use strips::{LANES, Strip, Strips};
+
+use crate::arrays::{GarmentData, Segment, SkinWeights};
+use std::collections::BTreeMap;
+use std::mem::size_of_val;
+
+/// What evaluation derives once from a garment's arrays.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Which targets move each segment: the pieces of segment `s` are `of_segment[s]..of_segment[s + 1]`.
+    of_segment: Vec<u32>,
+    pieces: Vec<Piece>,
+    /// Whether the masks of every vertex of a segment sum to one.
+    pub(crate) is_whole: Vec<bool>,
+    /// The masks segment by segment, driver by driver, each three times: for x, y and z.
+    pub(crate) masks: Vec<u16>,
+    pub(crate) skin: BlockedSkin,
+    /// Over the unique vertices, so that normals are smooth across seams.
+    pub(crate) normals: Strips,
+}
+
+/// A target's deltas in one segment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Piece {
+    pub(crate) target: u16,
+    /// Index of the first delta in the target.
+    pub(crate) start: u32,
+}
+
+/// Vertices skinned at a time, one in each lane of the vector registers.
+pub(crate) const SKIN_LANES: usize = 16;
+
+/// Skin weights by blocks of [`SKIN_LANES`] vertices: neighbours are moved by the same few joints.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BlockedSkin {
+    /// How many joints move each block.
+    pub(crate) counts: Vec<u8>,
+    /// Those joints, block after block.
+    pub(crate) joints: Vec<u8>,
+    /// The weights of each such joint in 1/65535, 0 where it does not move the vertex.
+    pub(crate) weights: Vec<[u16; SKIN_LANES]>,
+}
+
+impl BlockedSkin {
+    fn new(skin: &[SkinWeights]) -> BlockedSkin {
+        let mut blocked = BlockedSkin::default();
+        for block in skin.chunks(SKIN_LANES) {
+            let mut by_joint = BTreeMap::new();
+            for (lane, vertex) in block.iter().enumerate() {
+                for (&joint, &weight) in vertex.joints.iter().zip(&vertex.weights) {
+                    if weight != 0 {
+                        by_joint.entry(joint).or_insert([0; SKIN_LANES])[lane] += weight;
+                    }
+                }
+            }
+            blocked.counts.push(by_joint.len() as u8);
+            blocked.joints.extend(by_joint.keys());
+            blocked.weights.extend(by_joint.values());
+        }
+        blocked
+    }
+
+    pub(crate) fn bytes(&self) -> usize {
+        self.counts.len() + self.joints.len() + size_of_val(self.weights.as_slice())
+    }
+}
+
+impl Plan {
+    /// Of checked arrays.
+    pub(crate) fn new(data: &GarmentData) -> Plan {
+        let mut by_segment = vec![Vec::new(); data.segments.len()];
+        for (number, target) in data.targets.iter().enumerate() {
+            let mut start = 0;
+            for &segment in &target.segments {
+                let segment = usize::from(segment);
+                by_segment[segment].push(Piece { target: number as u16, start });
+                start += data.segments[segment].vertex_count;
+            }
+        }
+        let mut of_segment = vec![0];
+        for pieces in &by_segment {
+            of_segment.push(of_segment[of_segment.len() - 1] + pieces.len() as u32);
+        }
+        let unique = data.mesh.positions_m.len();
+        let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
+            Some(twin) => data.mesh.twin_of[twin],
+            None => vertex,
+        };
+        let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let normals = Strips::new(unique, &triangles);
+        let is_whole = data.segments.iter().map(|segment| {
+            let mut rows = segment.masks.chunks_exact(segment.drivers.len().max(1));
+            rows.all(|row| row.iter().map(|&mask| u32::from(mask)).sum::<u32>() == u32::from(u16::MAX))
+        });
+        let is_whole: Vec<bool> = is_whole.collect();
+        let mut masks = Vec::new();
+        for Segment { drivers, masks: rows, .. } in &data.segments {
+            for column in 0..drivers.len() {
+                let of_driver = rows.iter().skip(column).step_by(drivers.len());
+                masks.extend(of_driver.flat_map(|&mask| [mask; 3]));
+            }
+        }
+        Plan { of_segment, pieces: by_segment.concat(), is_whole, masks, skin: BlockedSkin::new(&data.skin), normals }
+    }
+
+    /// The targets' deltas in a segment.
+    pub(crate) fn pieces(&self, segment: usize) -> &[Piece] {
+        &self.pieces[self.of_segment[segment] as usize..self.of_segment[segment + 1] as usize]
+    }
+}
