@@ -1,8 +1,9 @@
 //! Writes what the stages made under readable names, for looking at it.
 
 use super::{CatalogError, write_renamed};
+use crate::build::Built;
+use crate::ir;
 use crate::look::frames::npy_header;
-use crate::{Built, ir};
 use glam::Vec3;
 use std::fmt::Write;
 use std::path::Path;

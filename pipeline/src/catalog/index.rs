@@ -2,7 +2,7 @@
 //! when nothing changed.
 
 use super::CatalogError;
-use crate::Built;
+use crate::build::Built;
 use crate::look::frames::Distance;
 use std::collections::BTreeMap;
 use std::fmt::Write;

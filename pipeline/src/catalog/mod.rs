@@ -7,9 +7,10 @@ mod emit;
 pub mod index;
 mod last_build;
 
+use crate::build::{Built, StageRun, build_garment};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::Memo;
-use crate::{Built, StageRun, build_garment, source};
+use crate::{load, source};
 use index::{Entry, Index};
 use kitsuke::Pack;
 use kitsuke::pack::layout;
@@ -274,7 +275,7 @@ impl Job<'_> {
             }
         }
         self.progress.started(id);
-        let loaded = crate::load(&folder);
+        let loaded = load::load(&folder);
         report.diagnostics = loaded.diagnostics;
         let mut pack = None;
         if let Some(garment) = loaded.garment {
