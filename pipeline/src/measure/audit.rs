@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// Cloth deeper than this counts as this deep, metres.
 pub const DEEPEST_M: f32 = 0.08;
-/// Upper ends of the classes of [`Side::classes`], metres; the last class holds everything deeper.
+/// Upper ends of the classes of [`Audit::classes`], metres; the last class holds everything deeper.
 pub const CLASSES_M: [f32; 6] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02];
 
 /// At most so many vertices of a pose are made certain of.

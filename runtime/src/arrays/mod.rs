@@ -146,7 +146,7 @@ impl PoseTable {
     }
 }
 
-/// A kimono as plain arrays; everything may be wrong until [`Garment::new`] has checked it.
+/// A kimono as plain arrays; everything may be wrong until [`GarmentData::check`] has passed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GarmentData {
     /// The catalog's name for it: `a-z`, `0-9`, `_`, `-`.
