@@ -9,7 +9,8 @@ pub mod random;
 use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::Garment;
 use kitsuke::arrays::{
-    Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target,
+    Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseBound, PoseLimit, PoseTable, RbfLayer,
+    Segment, SkinWeights, Target,
 };
 use kitsuke::arrays::{ChainJoint, Group, Rbf};
 use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
@@ -44,6 +45,7 @@ pub fn small_garment_data() -> GarmentData {
     };
     let target = |name: &str, step_m: f32, segments: &[u16], from: usize, to: usize| Target {
         name: name.to_owned(),
+        layer: 0,
         step_m,
         segments: segments.to_vec(),
         deltas: rings(from, to).zip(0..).map(|(j, i)| [i * 7 - 100, -(i * i), 900 * j as i16 - 2000]).collect(),
@@ -55,8 +57,18 @@ pub fn small_garment_data() -> GarmentData {
         mesh: small_mesh(),
         skin: (0..RINGS).flat_map(|ring| [small_skin(ring); AROUND]).collect(),
         drivers: vec![
-            Driver { name: "leftShoulder".to_owned(), joints: vec![Bone::LeftUpperArm], threshold_rad: FRAC_PI_3 },
-            Driver { name: "leftElbow".to_owned(), joints: vec![Bone::LeftLowerArm], threshold_rad: FRAC_PI_3 },
+            Driver {
+                name: "leftShoulder".to_owned(),
+                joints: vec![Bone::LeftUpperArm],
+                threshold_rad: FRAC_PI_3,
+                layer: 0,
+            },
+            Driver {
+                name: "leftElbow".to_owned(),
+                joints: vec![Bone::LeftLowerArm],
+                threshold_rad: FRAC_PI_3,
+                layer: 0,
+            },
         ],
         segments: vec![
             segment(1, &[], Vec::new()),
@@ -76,6 +88,11 @@ pub fn small_garment_data() -> GarmentData {
                 .flat_map(|(down, bent)| [Quat::from_rotation_z(down), Quat::from_rotation_y(-bent)])
                 .collect(),
         },
+        pose_limits: vec![PoseLimit {
+            bones: vec![Bone::LeftUpperArm, Bone::LeftLowerArm],
+            margin_rad: 0.1,
+            bounds: small_bounds(),
+        }],
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
     }
@@ -151,22 +168,34 @@ pub fn small_fit() -> FitData {
     }
 }
 
+/// The upper arm is let down and the elbow bent by up to 90 degrees, and neither is turned otherwise.
+fn small_bounds() -> Vec<PoseBound> {
+    let bound = |angle: usize, sign: f32| {
+        let mut normal = vec![0.0; 6];
+        normal[angle] = sign;
+        let is_reached = (angle, sign) == (2, -1.0) || (angle, sign) == (4, -1.0);
+        PoseBound { normal, most_rad: if is_reached { FRAC_PI_2 } else { 0.0 } }
+    };
+    (0..6).flat_map(|angle| [bound(angle, 1.0), bound(angle, -1.0)]).collect()
+}
+
 /// Both drivers as one arm, with coefficients that are no interpolation of anything.
 fn small_rbf() -> Rbf {
-    let joint = |bone, swing| ChainJoint { bone, axis: DVec3::X, swing, twist: 0.25 };
+    let joint = |bone, parent, swing| ChainJoint { bone, parent, axis: DVec3::X, swing, twist: 0.25 };
     let coefficients = |scale: f64| (0..12).map(|i| scale * f64::from(i - 5)).collect();
-    Rbf {
+    let layer = RbfLayer {
         groups: vec![Group {
             name: "leftArm".to_owned(),
             drivers: vec![0, 1],
-            chain: vec![joint(Bone::LeftUpperArm, 1.0), joint(Bone::LeftLowerArm, 0.5)],
+            chain: vec![joint(Bone::LeftUpperArm, None, 1.0), joint(Bone::LeftLowerArm, Some(0), 0.5)],
             own: coefficients(0.1),
             joint: coefficients(-0.05),
         }],
         joint_width: 0.75,
         reach: 2.0,
         ridge: 0.01,
-    }
+    };
+    Rbf { layers: vec![layer] }
 }
 
 /// Figures that nobody measured.

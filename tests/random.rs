@@ -1,7 +1,7 @@
 //! Random garments and poses, the same for the same seed.
 
 use glam::{DVec3, Quat, Vec2, Vec3};
-use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::arrays::{ChainJoint, Group, PoseBound, PoseLimit, Rbf, RbfLayer};
 use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
 use kitsuke::garment::Garment;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
@@ -63,13 +63,16 @@ const BONES: [(Bone, Option<u8>); 7] = [
 pub fn garment(seed: u64) -> Garment {
     let n = &mut Numbers(seed);
     let joints = BONES.map(|(bone, parent)| Joint { bone, parent, rest_m: n.vector() });
-    let drivers: Vec<Driver> = (0..n.below(7))
+    let mut drivers: Vec<Driver> = (0..n.below(7))
         .map(|i| Driver {
             name: format!("driver{i}"),
             joints: BONES[i..=(i + n.below(3)).min(BONES.len() - 1)].iter().map(|&(bone, _)| bone).collect(),
             threshold_rad: 0.5 + 2.0 * (n.signed() + 1.0) / 2.0,
+            layer: 0,
         })
         .collect();
+    let layers = (1 + n.below(3)).min(drivers.len());
+    drivers.iter_mut().enumerate().for_each(|(i, driver)| driver.layer = (i % layers.max(1)) as u8);
     let segments: Vec<Segment> = (0..1 + n.below(6))
         .map(|_| {
             let vertex_count = if n.below(4) == 0 { 500 + n.below(700) } else { 1 + n.below(40) };
@@ -87,7 +90,14 @@ pub fn garment(seed: u64) -> Garment {
             let moved: Vec<u16> = (0..segments.len() as u16).filter(|_| n.below(3) > 0).collect();
             let count = moved.iter().map(|&s| segments[usize::from(s)].vertex_count as usize).sum();
             let deltas = (0..count).map(|_| [0; 3].map(|_: i16| n.bits() as i16)).collect();
-            Target { name: format!("target{i}"), step_m: 1e-6 + 1e-5 * n.signed().abs(), segments: moved, deltas }
+            let layer = n.below(layers.max(1)) as u8;
+            Target {
+                name: format!("target{i}"),
+                layer,
+                step_m: 1e-6 + 1e-5 * n.signed().abs(),
+                segments: moved,
+                deltas,
+            }
         })
         .collect();
     let unique = segments.iter().map(|segment| segment.vertex_count as usize).sum::<usize>();
@@ -132,6 +142,18 @@ pub fn garment(seed: u64) -> Garment {
                 .collect(),
             bones,
         },
+        pose_limits: (0..n.below(3))
+            .map(|_| {
+                let bones: Vec<Bone> = BONES[n.below(3)..4 + n.below(4)].iter().map(|&(bone, _)| bone).collect();
+                let bounds = (0..n.below(9)).map(|_| {
+                    let normal: Vec<f32> = (0..3 * bones.len()).map(|_| n.signed() + 1e-3).collect();
+                    let length = normal.iter().map(|x| x * x).sum::<f32>().sqrt();
+                    let normal = normal.iter().map(|x| x / length).collect();
+                    PoseBound { normal, most_rad: n.signed().abs() }
+                });
+                PoseLimit { bounds: bounds.collect(), margin_rad: 0.01 + n.signed().abs(), bones }
+            })
+            .collect(),
         rbf: None,
         certificate: None,
         drivers,
@@ -145,16 +167,20 @@ pub fn garment(seed: u64) -> Garment {
 #[must_use]
 pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
     let mut data = garment.data().clone();
-    let targets = data.targets.len();
-    let mut coefficients = || (0..(targets + 1) * targets).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
-    let groups = (0..data.drivers.len() as u8).map(|driver| Group {
-        name: format!("group {driver}"),
-        drivers: vec![driver],
-        chain: vec![ChainJoint { bone: BONES[usize::from(driver) % 7].0, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
-        own: coefficients(),
-        joint: coefficients(),
+    let layers = (0..data.layer_count()).map(|layer| {
+        let targets = data.targets_of_layer(layer).count();
+        let mut coefficients = || (0..(targets + 1) * targets).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
+        let of_layer = (0..data.drivers.len()).filter(|&driver| usize::from(data.drivers[driver].layer) == layer);
+        let groups = of_layer.map(|driver| Group {
+            name: format!("group {driver}"),
+            drivers: vec![driver as u8],
+            chain: vec![ChainJoint { bone: BONES[driver].0, parent: None, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
+            own: coefficients(),
+            joint: coefficients(),
+        });
+        RbfLayer { groups: groups.collect(), joint_width: 1.0, reach: 2.0, ridge: 0.01 }
     });
-    let groups: Vec<_> = groups.collect();
-    data.rbf = (!groups.is_empty()).then_some(Rbf { groups, joint_width: 1.0, reach: 2.0, ridge: 0.01 });
+    let layers: Vec<_> = layers.collect();
+    data.rbf = (!layers.is_empty()).then_some(Rbf { layers });
     Garment::new(data).expect("random garments keep the rules")
 }

@@ -3,7 +3,7 @@
 use crate::ir;
 use crate::measure::{certificate, verify};
 use crate::memo::{Key, Memo, Origin};
-use crate::stages::{StageError, compress, deltas, fit_data, kernel, regions, skin, weld};
+use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, weld};
 use glam::Vec3;
 use kitsuke::arrays::SkinWeights;
 use kitsuke::fit::FitData;
@@ -87,10 +87,9 @@ pub fn build_garment(
 
     // The pack: small numbers in segments, checked, written, opened again and compared with the files.
     let mut data = compress::compress(source, &skin, &masks, &deltas)?;
-    let arms = kernel::arms(drivers, &body.skeleton);
-    let settings = kernel::Settings::default();
-    let scales = kernel::tune(&data, &arms, &settings)?;
-    data.rbf = Some(kernel::interpolate(&data, &arms, &scales)?);
+    let settings = reach::Settings::default();
+    data.pose_limits = source.pose_limits.iter().map(|limit| reach::bounded(limit, &data.poses, &settings)).collect();
+    data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
     let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
     let garment = checked(data.clone())?;
     tell("compress", None, Origin::Computed);
@@ -175,10 +174,10 @@ mod keys {
         let key = Key::new("regions", regions::VERSION).text(&format!("{settings:?}"));
         let mut key = bones(surface(key, &source.base), &source.pose_bones);
         for driver in &source.drivers {
-            key = bones(key.text("driver"), &driver.joints);
+            key = bones(key.text("driver").array(&[driver.layer]), &driver.joints);
         }
         for (target, deltas) in source.targets.iter().zip(deltas) {
-            key = key.array(&target.rotations).array(deltas);
+            key = key.array(&[target.layer]).array(&target.rotations).array(deltas);
         }
         match &source.regions {
             ir::Regions::Auto => key.text("auto"),

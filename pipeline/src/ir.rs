@@ -2,6 +2,7 @@
 //! read; knows no file format.
 
 use glam::{Quat, Vec2, Vec3};
+use kitsuke::arrays::PoseLimit;
 use kitsuke::fit::SizeBody;
 use kitsuke::skeleton::{Bone, Skeleton};
 use kitsuke::tailoring::RuleSet;
@@ -27,6 +28,8 @@ pub struct Garment {
     pub targets: Vec<TargetShape>,
     /// Drivers, in the manifest's order.
     pub drivers: Vec<Driver>,
+    /// What the kimono allows its wearer, yet without bounds.
+    pub pose_limits: Vec<PoseLimit>,
     /// How the regions are made.
     pub regions: Regions,
     /// Measured paths (P1), by name.
@@ -41,6 +44,16 @@ pub struct Garment {
     pub speed_budget_m: Option<f32>,
     /// How far any target may lie from its prediction by the others, metres; `None`: as it comes.
     pub unseen_budget_m: Option<f32>,
+}
+
+impl Garment {
+    /// Where the skirt begins: the obi's lower edge, or the hips without an obi; metres above the origin.
+    #[must_use]
+    pub fn skirt_top_m(&self) -> f32 {
+        let hips_m = self.body.skeleton.rest_m(Bone::Hips).map_or(0.0, |rest_m| rest_m.y);
+        let obi = self.obi.as_ref().filter(|obi| !obi.positions_m.is_empty());
+        obi.map_or(hips_m, |obi| obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)))
+    }
 }
 
 /// A triangle mesh.
@@ -85,6 +98,8 @@ pub struct TargetShape {
     pub name: String,
     /// Path as in the pose table, for reports.
     pub file: String,
+    /// The layer to whose drivers it answers.
+    pub layer: u8,
     /// Local rotations of `pose_bones`, the arms untwisted ([`kitsuke::skeleton::Pose::with_arms_untwisted`]).
     pub rotations: Vec<Quat>,
     /// Positions as simulated or scanned, metres, in the base's vertex order.
@@ -102,6 +117,8 @@ pub struct Driver {
     pub joints: Vec<Bone>,
     /// Similar means no farther than this.
     pub threshold_rad: f32,
+    /// Groups that no pose turns together belong to layers of their own, which add.
+    pub layer: u8,
 }
 
 /// Where the region masks come from.

@@ -5,6 +5,7 @@ use crate::arrays::{GarmentData, InvalidGarment};
 use crate::plan::Plan;
 use crate::pose_blend::rbf::{Samples, rbf};
 use crate::pose_blend::{Kernel, Rates, paper};
+use crate::reach::{Limited, limited};
 use crate::skeleton::Pose;
 
 /// A kimono whose every index and number has been checked, with what evaluation derives from it once.
@@ -53,6 +54,16 @@ impl Garment {
             Kernel::Paper => paper(&self.data, &pose, rates),
             Kernel::Rbf => rbf(&self.data, &self.samples, &pose, rates),
         }
+    }
+
+    /// The pose as the kimono allows it: joints that would turn farther than its samples reach, and the margin beyond them, are held
+    /// back ([`PoseLimit`](crate::arrays::PoseLimit)). Show the wearer in this pose, too, or legs come through the skirt. Smooth, and a
+    /// function of the pose alone; a pose that exceeds nothing comes back bit for bit. What is no rotation is mended first
+    /// ([`Pose::sanitised`]).
+    #[must_use]
+    pub fn limited(&self, pose: &Pose) -> Limited {
+        let mended = if pose.is_valid() { None } else { Some(pose.sanitised()) };
+        limited(&self.data.pose_limits, mended.as_ref().unwrap_or(pose))
     }
 
     /// The checked arrays.

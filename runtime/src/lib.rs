@@ -8,7 +8,7 @@
 //! use kitsuke::{Frame, Pack, Scratch, evaluate};
 //!
 //! # fn main() -> Result<(), kitsuke::OpenError> {
-//! # let bytes = include_bytes!("../../tests/packs/v1.kitsuke");
+//! # let bytes = include_bytes!("../../tests/packs/v3_0.kitsuke");
 //! let pack = Pack::open(bytes)?;
 //! let garment = pack.garment();
 //! let mut scratch = Scratch::new(garment);
@@ -29,7 +29,7 @@
 //! # use kitsuke::skeleton::Pose;
 //! # use kitsuke::{Frame, Pack, Scratch, evaluate};
 //! # fn main() -> Result<(), kitsuke::OpenError> {
-//! # let pack = Pack::open(include_bytes!("../../tests/packs/v1.kitsuke"))?;
+//! # let pack = Pack::open(include_bytes!("../../tests/packs/v3_0.kitsuke"))?;
 //! # let garment = pack.garment();
 //! # let poses = vec![Pose::REST; 4];
 //! # let mut wearers = vec![(vec![Vec3::ZERO; garment.vertex_count()], vec![Vec3::ZERO; garment.vertex_count()]); 4];
@@ -84,6 +84,7 @@ pub mod measurement;
 pub mod pack;
 mod plan;
 pub mod pose_blend;
+pub mod reach;
 pub mod skeleton;
 #[cfg(feature = "fit")]
 pub mod sparse_cholesky;
@@ -95,3 +96,4 @@ pub use evaluate::{Frame, Scratch, evaluate, evaluate_with_rates};
 pub use garment::Garment;
 pub use pack::{OpenError, Pack};
 pub use pose_blend::Rates;
+pub use reach::Limited;

@@ -1,7 +1,7 @@
 //! Opening holds no more memory than documented, whatever the bytes say.
 
 use glam::{DVec3, Quat, Vec3};
-use kitsuke::arrays::{ChainJoint, Group, Rbf};
+use kitsuke::arrays::{ChainJoint, Group, Rbf, RbfLayer};
 use kitsuke::arrays::{Driver, GarmentData, Segment, Target, limits};
 use kitsuke::pack::write::write;
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
@@ -61,7 +61,8 @@ fn many_segments_and_targets() -> GarmentData {
     data.mesh.uv.clear();
     data.skin = vec![data.skin[0]; unique];
     data.segments = vec![Segment { vertex_count: 1, drivers: vec![0], masks: Vec::new() }; unique];
-    let target = |i| Target { name: format!("{i:x}"), step_m: 1e-5, segments: Vec::new(), deltas: Vec::new() };
+    let target =
+        |i| Target { name: format!("{i:x}"), layer: 0, step_m: 1e-5, segments: Vec::new(), deltas: Vec::new() };
     data.targets = (0..limits::TARGETS).map(target).collect();
     data.poses.rotations = vec![Quat::IDENTITY; 2 * (limits::TARGETS + 1)];
     data.rbf = None;
@@ -77,12 +78,14 @@ fn many_chains() -> GarmentData {
     let joint = |(bone, i): (&Bone, u8)| Joint { bone: *bone, parent: i.checked_sub(1), rest_m: Vec3::ZERO };
     data.skeleton = Skeleton::new(bones.iter().zip(0..).map(joint).collect()).expect("joints in order");
     data.poses.bones = bones.to_vec();
+    data.pose_limits.clear();
     data.poses.rotations = vec![Quat::IDENTITY; bones.len() * (TARGETS + 1)];
-    let target = |i| Target { name: format!("{i:x}"), step_m: 1e-5, segments: Vec::new(), deltas: Vec::new() };
+    let target =
+        |i| Target { name: format!("{i:x}"), layer: 0, step_m: 1e-5, segments: Vec::new(), deltas: Vec::new() };
     data.targets = (0..TARGETS).map(target).collect();
-    let driver = |i| Driver { name: format!("{i:x}"), joints: vec![Bone::Hips], threshold_rad: 1.0 };
+    let driver = |i| Driver { name: format!("{i:x}"), joints: vec![Bone::Hips], threshold_rad: 1.0, layer: 0 };
     data.drivers = (0..limits::DRIVERS).map(driver).collect();
-    let chain = bones.iter().map(|&bone| ChainJoint { bone, axis: DVec3::X, swing: 1.0, twist: 1.0 });
+    let chain = bones.iter().map(|&bone| ChainJoint { bone, parent: None, axis: DVec3::X, swing: 1.0, twist: 1.0 });
     let group = |i: usize| Group {
         name: format!("{i:x}"),
         drivers: vec![i as u8],
@@ -91,7 +94,7 @@ fn many_chains() -> GarmentData {
         joint: vec![0.0; TARGETS * (TARGETS + 1)],
     };
     let groups = (0..limits::DRIVERS).map(group).collect();
-    data.rbf = Some(Rbf { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6 });
+    data.rbf = Some(Rbf { layers: vec![RbfLayer { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6 }] });
     data.certificate = None;
     data
 }

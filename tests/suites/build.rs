@@ -131,7 +131,7 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
     };
     let ((one, report), (two, _)) = (build(1), build(2));
     let komon = entry(&report.garments[0]);
-    assert_eq!(komon.targets.len(), 18);
+    assert_eq!(komon.targets.len(), 30);
     for target in &komon.targets {
         assert!(target.max_mm <= 0.25, "{}: {} mm", target.name, target.max_mm);
         assert!(target.mean_mm <= 0.05, "{}: {} mm on average", target.name, target.mean_mm);
@@ -283,12 +283,15 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
     let (left, right) = ([Bone::LeftUpperLeg], [Bone::RightUpperLeg]);
     let left_arm = [Bone::LeftShoulder, Bone::LeftUpperArm, Bone::LeftLowerArm];
     let right_arm = [Bone::RightShoulder, Bone::RightUpperArm, Bone::RightLowerArm];
-    let never = [Bone::LeftLowerLeg, Bone::RightLowerLeg, Bone::LeftFoot, Bone::LeftHand, Bone::RightHand, Bone::Head];
+    let shins = [[Bone::LeftLowerLeg], [Bone::RightLowerLeg]];
+    let never = [Bone::LeftFoot, Bone::LeftHand, Bone::RightHand, Bone::Head];
     let obi_bottom_m = garment.obi.as_ref().unwrap().positions_m.iter().map(|p| p.y).fold(f32::MAX, f32::min);
     for (v, p) in garment.base.positions_m.iter().enumerate() {
-        assert_eq!(weight(v, &left), weight(v, &right), "vertex {v}: one leg pulls more than the other");
+        let uneven = (weight(v, &left) - weight(v, &right)).abs() + (weight(v, &shins[0]) - weight(v, &shins[1])).abs();
+        // The odd unit of a weight does not halve.
+        assert!(uneven < 4e-5, "vertex {v}: one leg pulls more than the other, by {uneven}");
         assert_eq!(weight(v, &never), 0.0, "vertex {v} follows a bone that moves no cloth");
-        let legs = weight(v, &left) + weight(v, &right);
+        let legs: f64 = [left, right, shins[0], shins[1]].iter().map(|bones| weight(v, bones)).sum();
         if p.y >= obi_bottom_m {
             assert_eq!(legs, 0.0, "vertex {v} above the obi's edge follows the legs");
         }
@@ -306,7 +309,11 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
 #[test]
 fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
     let place = Place::small();
-    place.edit("komon/garment.toml", |text| text.replace("regions = \"auto\"", "regions = \"painted\""));
+    place.edit("komon/garment.toml", |text| {
+        // Nobody painted the legs.
+        let (arms, _) = text.split_once("[[driver]]\nname = \"leftUpperLeg\"").unwrap();
+        arms.replace("regions = \"auto\"", "regions = \"painted\"")
+    });
     let report = place.build(Mode::Write);
     entry(&report.garments[0]);
     let told: Vec<&str> = report.garments[0]

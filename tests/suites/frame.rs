@@ -153,7 +153,7 @@ fn assert_same_frame(garment: &Garment, pose: &Pose, rates: &Rates, found: &Buff
 /// The paper's rates by its sentences: similar samples, inverse differences, sum 1.
 fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let data = garment.data();
-    let Driver { joints, threshold_rad, .. } = &data.drivers[driver];
+    let Driver { joints, threshold_rad, layer, .. } = &data.drivers[driver];
     let closeness: Vec<f64> = (0..=data.targets.len())
         .map(|row| {
             let squares = joints.iter().map(|&bone| {
@@ -162,7 +162,12 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
                 (2.0 * libm::acos(a.normalize().dot(b.normalize()).abs().min(1.0))).powi(2)
             });
             let difference_rad = squares.sum::<f64>().sqrt();
-            if difference_rad <= f64::from(*threshold_rad) { 1.0 / difference_rad.max(1e-5) } else { 0.0 }
+            let is_of_layer = row == 0 || data.targets[row - 1].layer == *layer;
+            if is_of_layer && difference_rad <= f64::from(*threshold_rad) {
+                1.0 / difference_rad.max(1e-5)
+            } else {
+                0.0
+            }
         })
         .collect();
     let sum: f64 = closeness.iter().sum();
@@ -172,14 +177,18 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
 /// The default kernel by its formulas, on matrices.
 fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let data = garment.data();
-    let rbf = data.rbf.as_ref().unwrap();
+    let number = data.drivers[driver].layer;
+    let layer = &data.rbf.as_ref().unwrap().layers[usize::from(number)];
     let squared = |group: &Group, row: usize| -> f64 {
-        let (mut input, mut sample) = (DMat3::IDENTITY, DMat3::IDENTITY);
+        let mut turned: Vec<(DMat3, DMat3)> = Vec::new();
         let mut sum = 0.0;
         for joint in &group.chain {
+            let rest = (DMat3::IDENTITY, DMat3::IDENTITY);
+            let (mut input, mut sample) = joint.parent.map_or(rest, |parent| turned[usize::from(parent)]);
             let column = data.poses.bones.iter().position(|&bone| bone == joint.bone).unwrap();
             input *= DMat3::from_quat(pose.rotation(joint.bone).as_dquat().normalize());
             sample *= DMat3::from_quat(data.poses.row(row)[column].as_dquat().normalize());
+            turned.push((input, sample));
             let apart = input - sample;
             let squares: f64 = apart.to_cols_array().iter().map(|x| x * x).sum();
             let along = (apart * joint.axis).length_squared();
@@ -187,21 +196,21 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
         }
         sum
     };
-    let group = rbf.groups.iter().find(|group| group.drivers.contains(&(driver as u8))).unwrap();
-    let rows = data.targets.len() + 1;
+    let group = layer.groups.iter().find(|group| group.drivers.contains(&(driver as u8))).unwrap();
+    let of_layer: Vec<usize> = (0..data.targets.len()).filter(|&t| data.targets[t].layer == number).collect();
     let mut far = 1.0;
     let mut rates = vec![0.0; data.targets.len()];
-    for row in 0..rows {
+    for (sample, row) in std::iter::once(0).chain(of_layer.iter().map(|t| t + 1)).enumerate() {
         let own = squared(group, row).sqrt();
-        let all = rbf.groups.iter().map(|group| squared(group, row)).sum::<f64>().sqrt();
-        let t = (2.0 * own / rbf.reach - 1.0).clamp(0.0, 1.0);
+        let all = layer.groups.iter().map(|group| squared(group, row)).sum::<f64>().sqrt();
+        let t = (2.0 * own / layer.reach - 1.0).clamp(0.0, 1.0);
         far *= t.powi(3) * (t * (6.0 * t - 15.0) + 10.0);
         let phi = 1.0 / (1.0 + own.powi(2)).sqrt();
-        let r = (all / rbf.joint_width).min(1.0);
+        let r = (all / layer.joint_width).min(1.0);
         let psi = (1.0 - r).powi(4) * (4.0 * r + 1.0);
-        for (target, rate) in rates.iter_mut().enumerate() {
-            let at = row * data.targets.len() + target;
-            *rate += phi * group.own[at] + psi * group.joint[at];
+        for (place, &target) in of_layer.iter().enumerate() {
+            let at = sample * of_layer.len() + place;
+            rates[target] += phi * group.own[at] + psi * group.joint[at];
         }
     }
     rates.iter().map(|rate| rate * (1.0 - far)).collect()
@@ -329,11 +338,12 @@ fn triangle() -> GarmentData {
             source_vertex: vec![0, 1, 2],
         },
         skin: vec![SkinWeights { joints: [0; 4], weights: [65535, 0, 0, 0] }; 3],
-        drivers: vec![Driver { name: "hips".to_owned(), joints: vec![Bone::Hips], threshold_rad: 2.0 }],
+        drivers: vec![Driver { name: "hips".to_owned(), joints: vec![Bone::Hips], threshold_rad: 2.0, layer: 0 }],
         segments: vec![Segment { vertex_count: 3, drivers: vec![0], masks: Vec::new() }],
         targets: names
             .map(|name| Target {
                 name: name.to_owned(),
+                layer: 0,
                 step_m: 0.001,
                 segments: vec![0],
                 deltas: vec![[0, 0, 0], [1000, 0, 0], [0, 0, 500]],
@@ -343,6 +353,7 @@ fn triangle() -> GarmentData {
             bones: vec![Bone::Hips],
             rotations: vec![Quat::IDENTITY, Quat::from_rotation_x(quarter), Quat::from_rotation_z(quarter)],
         },
+        pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
     }

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec2};
 use kitsuke::Garment;
-use kitsuke::arrays::Rbf;
+use kitsuke::arrays::RbfLayer;
 use kitsuke::arrays::{Certificate, GarmentData, Part, limits};
 use kitsuke::skeleton::Bone;
 use kitsuke_tests::{small_garment, small_garment_data};
@@ -68,6 +68,19 @@ const BROKEN: &[(Change, &str)] = &[
         "the threshold of driver 0 must be above 0 and at most π times the root of its joint count",
     ),
     (|g| g.drivers = vec![g.drivers[0].clone(); limits::DRIVERS + 1], "there are 33 drivers; 0 to 32 are possible"),
+    (|g| g.drivers[1].layer = 2, "the layers of the drivers must be numbered from 0 without gaps"),
+    (|g| g.drivers[1].layer = 1, "there are 1 layers of the default kernel instead of 2"),
+    (|g| g.targets[1].layer = 1, "target 1 belongs to a layer that no driver belongs to"),
+    (|g| g.pose_limits = vec![g.pose_limits[0].clone(); 9], "there are 9 pose limits; 0 to 8 are possible"),
+    (|g| g.pose_limits[0].bones.clear(), "there are 0 joints of a pose limit; 1 to 8 are possible"),
+    (|g| g.pose_limits[0].bounds[2].normal[1] = 0.5, BOUND),
+    (|g| _ = g.pose_limits[0].bounds[2].normal.pop(), BOUND),
+    (|g| g.pose_limits[0].bounds[2].most_rad = -0.1, BOUND),
+    (|g| g.pose_limits[0].bounds[2].most_rad = f32::NAN, BOUND),
+    (|g| g.pose_limits[0].bones[1] = Bone::LeftUpperArm, LIMIT),
+    (|g| g.pose_limits[0].bones[1] = Bone::Hips, LIMIT),
+    (|g| g.pose_limits[0].margin_rad = 0.0, "the margin of pose limit 0 must be above 0 and at most π"),
+    (|g| g.pose_limits[0].margin_rad = f32::NAN, "the margin of pose limit 0 must be above 0 and at most π"),
     (|g| g.segments.clear(), "there are 0 segments; 1 to 4096 are possible"),
     (|g| g.segments[1].vertex_count += 1, "there are 61 vertices in segments instead of 60"),
     (
@@ -123,6 +136,7 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].chain[1].bone = Bone::LeftUpperArm, CHAIN),
     (|g| rbf(g).groups[0].chain[1].bone = Bone::Spine, CHAIN),
     (|g| rbf(g).groups[0].chain[0].axis *= 1.1, CHAIN),
+    (|g| rbf(g).groups[0].chain[1].parent = Some(1), CHAIN),
     (|g| rbf(g).groups[0].chain[0].twist = -0.1, CHAIN),
     (|g| _ = rbf(g).groups[0].own.pop(), "there are 11 coefficients of a group instead of 12"),
     (|g| rbf(g).groups[0].joint[4] = f64::INFINITY, "the coefficients of group 0 must lie within ±1000000000"),
@@ -134,6 +148,11 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].name.clear(), "the name of group 0 must be 1 to 256 bytes of printable text"),
 ];
 
+const LIMIT: &str = "the joints of pose limit 0 must be distinct bones of the pose table";
+
+const BOUND: &str =
+    "the bounds of pose limit 0 must have unit normals of three numbers per joint and lie within 0 to 100";
+
 const CHAIN: &str =
     "the chain of group 0 must be distinct bones of the pose table, with unit axes and scales of 0 or more";
 
@@ -141,8 +160,8 @@ fn certificate(data: &mut GarmentData) -> &mut Certificate {
     data.certificate.as_mut().expect("the small garment has a certificate")
 }
 
-fn rbf(data: &mut GarmentData) -> &mut Rbf {
-    data.rbf.as_mut().expect("the small garment has a default kernel")
+fn rbf(data: &mut GarmentData) -> &mut RbfLayer {
+    &mut data.rbf.as_mut().expect("the small garment has a default kernel").layers[0]
 }
 
 #[test]

@@ -87,7 +87,7 @@ fn rooms_stand_on_the_floors_below_them() {
     let runtime: &[&[&str]] = &[
         &["skeleton", "measurement", "envelope_cholesky"],
         &["arrays", "tailoring", "sparse_cholesky"],
-        &["plan", "pose_blend"],
+        &["plan", "pose_blend", "reach"],
         &["garment"],
         &["evaluate", "fit"],
         &["pack"],

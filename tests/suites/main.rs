@@ -9,6 +9,7 @@ mod garment;
 mod hostile;
 mod inputs;
 mod invariants;
+mod limits;
 mod live;
 mod look;
 mod mistakes;

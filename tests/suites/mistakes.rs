@@ -266,7 +266,8 @@ fn foreign_columns_of_a_pose_table_are_passed_over() {
     assert_eq!((report.len(), table.rows.len(), table.bones.len()), (0, 19, 6));
     let ours = fs::read(tests_dir().join("../assets-src/komon/poses.csv")).unwrap();
     let ours = source::tables::read_rotations("poses.csv", &ours, &mut report).unwrap();
-    assert_eq!(table.poses(), ours.poses());
+    // Ours has the poses of legs besides.
+    assert_eq!(table.poses(), ours.poses()[..19]);
 }
 
 /// Two lines of a file change places, in cloth that is creased elsewhere.

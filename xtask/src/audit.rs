@@ -1,14 +1,16 @@
 //! `cargo xtask audit`: how deep the cloth lies in the wearer's body, over many poses.
 
 use crate::places::{Places, write_whole};
-use kitsuke::Garment;
+use crate::shots;
 use kitsuke::skeleton::Pose;
-use kitsuke_pipeline::ir::Body;
+use kitsuke::{Garment, Limited};
+use kitsuke_pipeline::ir::{self, Body};
 use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::look::scene::{Colours, Framing, Scene, View};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
 use kitsuke_pipeline::measure::audit::{Audit, CLASSES_M, Depth, audit, deepest, pose_depths};
 use kitsuke_pipeline::measure::pose_space;
+use kitsuke_pipeline::measure::skirt::Legs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -21,6 +23,15 @@ pub struct Args {
     /// How many poses, always the same ones
     #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     poses: u32,
+    /// Measure instead how far the legs lie outside the skirt in recorded motions
+    #[arg(long, value_name = "FILE,…", value_delimiter = ',', num_args = 1.., conflicts_with = "poses")]
+    motion: Vec<PathBuf>,
+    /// Look at no more frames of a motion than this, evenly spaced
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..), requires = "motion")]
+    frames: u32,
+    /// Pose the wearer as recorded, even where the kimono would not let her
+    #[arg(long, requires = "motion")]
+    as_recorded: bool,
     /// Where the picture goes [default: reports/ in --catalog]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -47,7 +58,10 @@ fn report(args: &Args) -> Result<(), String> {
     let garment = pack.garment();
     let id = &garment.data().id;
     let source = args.places.source(id).ok_or("the body is needed to measure against")?;
-    let poses = pose_space::poses(&garment.data().poses, args.poses as usize);
+    if !args.motion.is_empty() {
+        return motions(args, garment, &source);
+    }
+    let poses = pose_space::poses(garment, args.poses as usize);
     let found = audit(&source.body, garment, &poses);
     print_audit(garment, &source.body, &found);
     print_samples(garment, &source.body);
@@ -56,6 +70,49 @@ fn report(args: &Args) -> Result<(), String> {
     let path = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports")).join(format!("{id}-audit.png"));
     write_whole(&path, |out| out.write_all(&picture))?;
     println!("{}", path.display());
+    Ok(())
+}
+
+/// A line per motion: how far the legs lie outside the skirt, and how often the kimono held them back.
+fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), String> {
+    const HELD_RAD: f32 = 5.0 * std::f32::consts::PI / 180.0;
+    println!(
+        "{:32} {:>6} {:>9} {:>9} {:>9} {:>11} {:>9}",
+        "legs outside, mm", "frames", "median", "95 %", "max", "held > 5°", "held max"
+    );
+    let legs = Legs::new(garment, source);
+    for path in &args.motion {
+        let recording = shots::recording(path, &garment.data().skeleton)?;
+        let step = recording.frames.len().div_ceil(args.frames as usize).max(1);
+        let frames = recording.frames.iter().step_by(step);
+        let limited: Vec<Limited> = frames.map(|frame| garment.limited(&frame.pose)).collect();
+        let recorded = recording.frames.iter().step_by(step).map(|frame| frame.pose.sanitised());
+        let poses: Vec<Pose> = if args.as_recorded {
+            recorded.collect()
+        } else {
+            limited.iter().map(|limited| limited.pose.clone()).collect()
+        };
+        let outside = legs.outside(&poses);
+        let mut sorted: Vec<f32> = outside.iter().map(|outside| outside.distance_m * 1e3).collect();
+        sorted.sort_by(f32::total_cmp);
+        let at = |share: f64| sorted[((sorted.len() as f64 * share) as usize).min(sorted.len() - 1)];
+        let held = limited.iter().filter(|limited| limited.turned_rad > HELD_RAD).count();
+        let most_deg = limited.iter().map(|limited| limited.turned_rad).fold(0.0, f32::max).to_degrees();
+        let worst =
+            (0..outside.len()).max_by(|&a, &b| outside[a].distance_m.total_cmp(&outside[b].distance_m)).unwrap_or(0);
+        println!(
+            "{:32} {:6} {:9.2} {:9.2} {:9.2} {:9.1} % {:8.0}°  frame {}, skin vertex {}",
+            path.file_name().unwrap_or_default().to_string_lossy(),
+            poses.len(),
+            at(0.5),
+            at(0.95),
+            at(1.0),
+            100.0 * held as f64 / poses.len() as f64,
+            most_deg,
+            worst * step,
+            outside[worst].vertex,
+        );
+    }
     Ok(())
 }
 
@@ -88,18 +145,13 @@ fn described(garment: &Garment, body: &Body, depth: &Depth) -> String {
 }
 
 /// The worst pose from two sides, penetrating cloth red.
-fn draw(
-    garment: &Garment,
-    source: &kitsuke_pipeline::ir::Garment,
-    poses: &[Pose],
-    found: &Audit,
-) -> Result<Vec<u8>, String> {
+fn draw(garment: &Garment, source: &ir::Garment, poses: &[Pose], found: &Audit) -> Result<Vec<u8>, String> {
     let worst = found.worst().pose;
     let pose = &poses[worst];
     let deep = pose_depths(&source.body, garment, worst, pose);
     let deep: Vec<u32> = deep.iter().filter(|depth| depth.depth_m > MARKED_M).map(|depth| depth.vertex).collect();
     let shot = Shot { name: String::new(), pose: pose.clone(), blend: Blend::Kernel(garment.kernel()) };
-    let scene = Scene::new(garment, Some(source), false);
+    let scene = Scene::new(garment, Some(source));
     let mut figure = scene.figure(&mut Stage::new(garment), &shot, Colours::Error(1.0));
     figure.mark(&deep);
     let cells: Vec<Cell> = [View::Front, View::Side]

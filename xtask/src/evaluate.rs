@@ -32,6 +32,9 @@ pub struct Args {
     /// Apply the recorded translation of the hips
     #[arg(long)]
     root_motion: bool,
+    /// Pose the wearer as recorded, even where the kimono would not let her
+    #[arg(long, requires = "motion")]
+    as_recorded: bool,
     /// Fit the kimono to the Nth body of a table, from 1: CSV, TOML, ANSUR II, FreeSewing JSON or Seamly .smis
     #[arg(long, value_name = "FILE#N")]
     body: Option<String>,
@@ -99,7 +102,10 @@ fn evaluate(args: &Args) -> Result<(), String> {
             wanted_m.extend(rows.iter().map(file_m));
             rows.into_iter().map(|row| row.shot).collect()
         }
-        (_, Some(motion)) => shots::motion(motion, garment, kernel, args.root_motion)?,
+        (_, Some(motion)) => {
+            let how = shots::How { root_motion: args.root_motion, as_recorded: args.as_recorded };
+            shots::motion(motion, garment, kernel, how)?
+        }
         _ => {
             let base = source.iter().map(|source| Some(source.base.positions_m.as_slice()));
             let targets =

@@ -3,7 +3,7 @@
 use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
-use kitsuke::arrays::{Certificate, GarmentData, LeftOut};
+use kitsuke::arrays::{Certificate, GarmentData, LeftOut, RbfLayer};
 use kitsuke::arrays::{ChainJoint, Rbf};
 use kitsuke::pack::layout::MAGIC;
 use kitsuke_pipeline::diagnostic::Diagnostic;
@@ -184,11 +184,13 @@ fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
 
 fn kernel_text(rbf: &Rbf) -> String {
     let mut text = String::from("\nkernel\n");
-    line!(text, "reach", "{:.3}, joint width {:.3}, ridge {:.4}", rbf.reach, rbf.joint_width, rbf.ridge);
-    for group in &rbf.groups {
-        let joint = |joint: &ChainJoint| format!("{} {:.3}/{:.3}", joint.bone.name(), joint.swing, joint.twist);
-        let joints: Vec<String> = group.chain.iter().map(joint).collect();
-        line!(text, group.name, "swing/twist {}", joints.join(", "));
+    for (number, RbfLayer { groups, joint_width, reach, ridge }) in rbf.layers.iter().enumerate() {
+        line!(text, "layer", "{number}: reach {reach:.3}, joint width {joint_width:.3}, ridge {ridge:.4}");
+        for group in groups {
+            let joint = |joint: &ChainJoint| format!("{} {:.3}/{:.3}", joint.bone.name(), joint.swing, joint.twist);
+            let joints: Vec<String> = group.chain.iter().map(joint).collect();
+            line!(text, group.name, "swing/twist {}", joints.join(", "));
+        }
     }
     text
 }

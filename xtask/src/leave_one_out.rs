@@ -1,6 +1,7 @@
 //! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen, and each way of fitting a size.
 
 use crate::places::Places;
+use kitsuke::Garment;
 use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
 use kitsuke_pipeline::measure::size_errors::{self, SizeError};
 use std::process::ExitCode;
@@ -36,15 +37,27 @@ pub fn run(args: Args) -> ExitCode {
 
 fn table(args: &Args) -> Result<String, String> {
     let pack = args.places.open(&args.id)?;
-    let mut text = format!("{:24} {:>8} {:>8} {:>8}\n", "left out, mm", "mean", "p99", "max");
+    let garment = pack.garment();
+    let layers = 0..garment.data().layer_count();
+    let mut texts: Vec<String> = layers.clone().map(|layer| head(garment, layer)).collect();
     for method in Method::ALL {
-        let errors = errors(pack.garment(), method).map_err(|error| error.to_string())?;
-        text += &line(method.name(), &summary(&errors));
-        if args.targets {
-            errors.iter().for_each(|error| text += &line(&format!("  {}", error.target), error));
+        let errors = errors(garment, method).map_err(|error| error.to_string())?;
+        for (layer, text) in layers.clone().zip(&mut texts) {
+            let of_layer: Vec<&Error> = garment.data().targets_of_layer(layer).map(|target| &errors[target]).collect();
+            *text += &line(method.name(), &summary(&of_layer));
+            if args.targets {
+                of_layer.iter().for_each(|error| *text += &line(&format!("  {}", error.target), error));
+            }
         }
     }
-    Ok(text)
+    Ok(texts.join("\n"))
+}
+
+/// What the table of a layer is of: its groups.
+fn head(garment: &Garment, layer: usize) -> String {
+    let groups = garment.data().rbf.iter().flat_map(|rbf| &rbf.layers[layer].groups);
+    let names: Vec<&str> = groups.map(|group| group.name.as_str()).collect();
+    format!("{}\n{:24} {:>8} {:>8} {:>8}\n", names.join(", "), "left out, mm", "mean", "p99", "max")
 }
 
 /// How far fits lie from the size targets, and from the dimensions that the rules want.
@@ -76,8 +89,8 @@ fn size_lines(name: &str, errors: &[SizeError], is_each: bool) -> String {
 }
 
 /// Means over the targets, and the largest error of all.
-fn summary(errors: &[Error]) -> Error {
-    let mean = |of: fn(&Error) -> f64| errors.iter().map(of).sum::<f64>() / errors.len().max(1) as f64;
+fn summary(errors: &[&Error]) -> Error {
+    let mean = |of: fn(&Error) -> f64| errors.iter().map(|error| of(error)).sum::<f64>() / errors.len().max(1) as f64;
     Error {
         target: String::new(),
         mean_mm: mean(|error| error.mean_mm),

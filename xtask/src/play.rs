@@ -50,6 +50,9 @@ pub struct Args {
     /// Smooth the poses
     #[arg(long)]
     filter: Option<FilterName>,
+    /// Pose the wearer as she comes, even where the kimono would not let her
+    #[arg(long)]
+    as_recorded: bool,
     /// Write the poses as JSON Lines, as they came
     #[arg(long, value_name = "FILE.jsonl")]
     record: Option<PathBuf>,
@@ -94,7 +97,7 @@ fn play(args: &Args) -> Result<(), String> {
         listener.receiver().set_rest(rest);
     }
     let mut recorder = args.record.as_deref().map(Recorder::new).transpose()?;
-    let mut wearer = Wearer::new(garment, args.filter.map(FilterName::filter));
+    let mut wearer = Wearer::new(garment, args.filter.map(FilterName::filter), args.as_recorded);
     // Warm caches, so that the first pose is not late.
     wearer.show(&Tracked::UNSEEN, Instant::now());
     let address = listener.address().map_err(|error| error.to_string())?;
@@ -185,17 +188,19 @@ struct Wearer<'a> {
     positions_m: Vec<Vec3>,
     normals: Vec<Vec3>,
     filter: Option<(Filter, FilterState)>,
+    as_recorded: bool,
     shown: Option<Instant>,
 }
 
 impl Wearer<'_> {
-    fn new(garment: &Garment, filter: Option<Filter>) -> Wearer<'_> {
+    fn new(garment: &Garment, filter: Option<Filter>, as_recorded: bool) -> Wearer<'_> {
         Wearer {
             garment,
             scratch: Scratch::new(garment),
             positions_m: vec![Vec3::ZERO; garment.vertex_count()],
             normals: vec![Vec3::ZERO; garment.vertex_count()],
             filter: filter.map(|filter| (filter, FilterState::default())),
+            as_recorded,
             shown: None,
         }
     }
@@ -207,7 +212,11 @@ impl Wearer<'_> {
         let filtered = self.filter.as_mut().map(|(filter, state)| filter.apply(state, pose, passed_s));
         let pose = filtered.as_ref().unwrap_or(pose);
         let frame = Frame { positions_m: &mut self.positions_m, normals: &mut self.normals };
-        evaluate(self.garment, &pose.pose, &mut self.scratch, frame);
+        if self.as_recorded {
+            evaluate(self.garment, &pose.pose, &mut self.scratch, frame);
+        } else {
+            evaluate(self.garment, &self.garment.limited(&pose.pose).pose, &mut self.scratch, frame);
+        }
         came.elapsed()
     }
 }

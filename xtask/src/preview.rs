@@ -29,9 +29,9 @@ pub struct Args {
     /// How many frames of the motion
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=100), requires = "motion")]
     frames: u16,
-    /// Draw the wearer's legs in motion as well; a stride shows through a skirt that has no targets for it
+    /// Pose the wearer as recorded, even where the kimono would not let her
     #[arg(long, requires = "motion")]
-    legs: bool,
+    as_recorded: bool,
     /// Draw only these poses of the kimono's pose table
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "motion")]
     only: Vec<String>,
@@ -108,14 +108,17 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let garment = fitted.as_ref().map_or(pack.garment(), |fitted| &fitted.garment);
     let id = &garment.data().id;
     let source = args.places.source(id);
-    let mut scene = Scene::new(garment, source.as_ref(), args.legs || args.motion.is_none());
+    let mut scene = Scene::new(garment, source.as_ref());
     if fitted.is_some() {
         // Body and obi of the source are another wearer's.
         scene = scene.unworn();
     }
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {
-        (Some(motion), _) => evenly(&shots::motion(motion, garment, kernel, false)?, usize::from(args.frames)),
+        (Some(motion), _) => evenly(
+            &shots::motion(motion, garment, kernel, shots::How { root_motion: false, as_recorded: args.as_recorded })?,
+            usize::from(args.frames),
+        ),
         (None, Some(table)) => {
             let rows = shots::pose_table(table, kernel)?.into_iter();
             chosen(rows.map(|row| row.shot).collect(), &args.only)?

@@ -34,13 +34,40 @@ pub fn pose_table(path: &Path, kernel: Kernel) -> Result<Vec<Row>, String> {
     Ok(table.rows.iter().zip(table.poses()).enumerate().map(row).collect())
 }
 
-/// The frames of a recorded motion on the garment's wearer, blended by this kernel; the hips stay in place
-/// unless `root_motion`.
-pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, root_motion: bool) -> Result<Vec<Shot>, String> {
+/// What of a recording is taken.
+#[derive(Clone, Copy)]
+pub struct How {
+    /// The hips move as recorded; else they stay in place.
+    pub root_motion: bool,
+    /// Legs move as recorded; else as the kimono lets them.
+    pub as_recorded: bool,
+}
+
+/// The frames of a recorded motion on the garment's wearer, blended by this kernel.
+pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Result<Vec<Shot>, String> {
     let recording = recording(path, &garment.data().skeleton)?;
-    let still = |pose: Pose| if root_motion { pose } else { Pose { hips_translation_m: Vec3::ZERO, ..pose } };
-    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose: still(pose), blend: Blend::Kernel(kernel) };
-    Ok(recording.frames.into_iter().map(|frame| frame.pose).enumerate().map(shot).collect())
+    let mut turned_rad = 0.0f32;
+    let mut posed = |mut pose: Pose| {
+        if !how.root_motion {
+            pose.hips_translation_m = Vec3::ZERO;
+        }
+        if how.as_recorded {
+            return pose;
+        }
+        let limited = garment.limited(&pose);
+        turned_rad = turned_rad.max(limited.turned_rad);
+        limited.pose
+    };
+    let poses: Vec<Pose> = recording.frames.into_iter().map(|frame| posed(frame.pose)).collect();
+    if turned_rad.to_degrees() > 5.0 {
+        let degrees = turned_rad.to_degrees();
+        eprintln!(
+            "note: {}: the kimono holds joints back by up to {degrees:.0} degrees; --as-recorded does not",
+            path.display()
+        );
+    }
+    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose, blend: Blend::Kernel(kernel) };
+    Ok(poses.into_iter().enumerate().map(shot).collect())
 }
 
 /// Reads a recorded motion of any known format, and says how it was understood, so that a wrong guess is seen.
@@ -80,6 +107,8 @@ pub fn said(report: &[Diagnostic]) -> String {
 pub enum KernelName {
     /// The paper's: normalised inverse pose differences among the similar samples, driver by driver
     Paper,
+    /// The garment's own
+    Default,
     /// Exact at the samples and smooth between them
     Rbf,
 }
@@ -93,7 +122,7 @@ impl KernelName {
                 Err("this pack holds no kernel fitted to its samples; use --kernel paper".into())
             }
             Some(KernelName::Rbf) => Ok(Kernel::Rbf),
-            None => Ok(garment.kernel()),
+            None | Some(KernelName::Default) => Ok(garment.kernel()),
         }
     }
 }

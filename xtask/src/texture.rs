@@ -146,7 +146,7 @@ fn draw(
 ) -> Result<(), String> {
     const SQUARE_M: f64 = 0.05;
     let source = args.places.source(&garment.data().id);
-    let own = Scene::new(garment, source.as_ref(), false);
+    let own = Scene::new(garment, source.as_ref());
     let checker = Texture::checker((m_per_uv / SQUARE_M).round() as u32, [[36, 60, 110], [236, 232, 222]]);
     let figures: Vec<Figure> = ways.iter().map(|uv| own.alone(positions_m, uv)).collect();
     let framings = [View::Front, View::Back].map(|view| Framing::of(&figures, view));

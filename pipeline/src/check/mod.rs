@@ -2,6 +2,7 @@
 //! in one run. Knows what garments are like, and no file format.
 
 mod exchange;
+mod layers;
 mod mesh;
 mod placement;
 mod size;
@@ -11,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::ir;
 use crate::source::Source;
 use crate::source::folder::Folder;
-use crate::source::manifest::{self, BoneName, DriverEntry, Field, Manifest, RegionSource, Up};
+use crate::source::manifest::{self, BoneName, DriverEntry, Field, LimitEntry, Manifest, RegionSource, Up};
 use crate::source::masks::Mask;
 use crate::source::obj;
 use crate::source::paths::Paths;
@@ -19,7 +20,7 @@ use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, rules};
 use glam::{DVec3, Quat, Vec2, Vec3};
-use kitsuke::arrays::limits;
+use kitsuke::arrays::{PoseLimit, limits};
 use kitsuke::fit;
 use kitsuke::skeleton::Bone;
 use std::collections::BTreeMap;
@@ -28,6 +29,8 @@ use std::collections::BTreeMap;
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
 /// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
 const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
+/// How much farther than the samples a limited joint may turn, degrees.
+const MARGIN_DEG: std::ops::RangeInclusive<f64> = 0.5..=45.0;
 /// How much a path may count in a fit.
 const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Cosine of half a degree: two rotations whose quaternions' product exceeds it are less than one degree apart.
@@ -59,6 +62,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         check_poses(table, file, &manifest, &folder, report);
     }
     let drivers = check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
+    let pose_limits = check_limits(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
     if let Some(body) = &body {
         check_joints(&manifest, &manifest_file, poses.as_ref(), body, report);
     }
@@ -96,7 +100,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         let positions_m: Vec<Vec3> = mesh.mesh.positions.iter().map(place).collect();
         if target::check(&reference, mesh, &positions_m, report) {
             let PoseRow { name, file, .. } = row.clone();
-            targets.push(ir::TargetShape { name, file, rotations, positions_m });
+            targets.push(ir::TargetShape { name, file, layer: 0, rotations, positions_m });
         }
     }
     let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
@@ -129,6 +133,8 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return None;
     }
+    let (pose_bones, mut drivers) = (poses?.0.bones, drivers?);
+    layers::assign(&mut drivers, &pose_bones, &mut targets);
     let rules = rule_names(&manifest).filter_map(|(_, name)| rules.get(&rules::file(name)).cloned());
     Some(ir::Garment {
         id: folder.id().to_owned(),
@@ -137,9 +143,10 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         body: body?,
         obi,
         texture_png,
-        pose_bones: poses?.0.bones,
+        pose_bones,
         targets,
-        drivers: drivers?,
+        drivers,
+        pose_limits: pose_limits?,
         regions: regions?,
         paths: paths.into_iter().flat_map(measured_paths).collect(),
         sizes: fitted,
@@ -336,9 +343,9 @@ fn is_near(a: Quat, b: Quat) -> bool {
     a.dot(b).abs() > COS_HALF_DEGREE
 }
 
-/// A driver's joints that are right, with their places.
-fn joints_of(driver: &DriverEntry) -> impl Iterator<Item = (&Field<BoneName>, Bone)> {
-    driver.joints.iter().flatten().filter_map(|field| Some((field, field.get()?.0)))
+/// Named joints that are right, with their places.
+fn right_joints(joints: &Option<Vec<Field<BoneName>>>) -> impl Iterator<Item = (&Field<BoneName>, Bone)> {
+    joints.iter().flatten().filter_map(|field| Some((field, field.get()?.0)))
 }
 
 /// The drivers of the manifest; `None` when one of them is incomplete.
@@ -374,7 +381,7 @@ fn check_drivers(
             }
             names.push(name);
         }
-        check_driver_joints(driver, file, poses, report);
+        check_joint_names(&driver.joints, driver.name.as_ref(), file, poses, report);
         if let (Some(field), Some(threshold)) = (&driver.threshold, value(&driver.threshold))
             && !(threshold.radians() > 0.0 && threshold.radians() <= std::f64::consts::PI)
         {
@@ -389,23 +396,67 @@ fn check_drivers(
         Some(ir::Driver {
             name: value(&driver.name)?.clone(),
             group: value(&driver.group).or(value(&driver.name))?.clone(),
-            joints: joints_of(driver).map(|(_, bone)| bone).collect(),
+            joints: right_joints(&driver.joints).map(|(_, bone)| bone).collect(),
             threshold_rad: value(&driver.threshold)?.radians() as f32,
+            layer: 0,
         })
     };
     manifest.drivers.iter().map(driver).collect()
 }
 
-fn check_driver_joints(driver: &DriverEntry, file: &str, poses: Option<&PoseTable>, report: &mut Vec<Diagnostic>) {
-    if driver.joints.as_ref().is_some_and(Vec::is_empty) {
+/// The limits of the manifest; `None` when one of them is incomplete.
+fn check_limits(
+    manifest: &Manifest,
+    file: &str,
+    poses: Option<&PoseTable>,
+    report: &mut Vec<Diagnostic>,
+) -> Option<Vec<PoseLimit>> {
+    if manifest.limits.len() > limits::POSE_LIMITS {
         report.push(
-            Diagnostic::error("driver-joints", file, driver.name.as_ref().map_or(Place::File, Field::place))
-                .problem("the driver has no joints")
+            Diagnostic::error("limit-count", file, Place::File)
+                .problem(format!("there are {} [[limit]] tables", manifest.limits.len()))
+                .help(format!("Give at most {}; joints that hold each other back stand in one.", limits::POSE_LIMITS)),
+        );
+    }
+    for limit in &manifest.limits {
+        check_joint_names(&limit.joints, limit.margin.as_ref(), file, poses, report);
+        if let (Some(field), Some(margin)) = (&limit.margin, value(&limit.margin))
+            && !MARGIN_DEG.contains(&margin.radians().to_degrees())
+        {
+            report.push(
+                Diagnostic::error("limit-margin", file, field.place())
+                    .problem(format!("a margin of {margin} stops the wearer dead or not at all"))
+                    .help("Choose 0.5 to 45 deg; 5 deg is usual."),
+            );
+        }
+    }
+    let limit = |limit: &LimitEntry| {
+        Some(PoseLimit {
+            bones: right_joints(&limit.joints).map(|(_, bone)| bone).collect(),
+            margin_rad: value(&limit.margin)?.radians() as f32,
+            bounds: Vec::new(),
+        })
+    };
+    manifest.limits.iter().map(limit).collect()
+}
+
+/// The joints of a driver or limit; what is wrong with all of them is said at `owner`.
+fn check_joint_names<T>(
+    joints: &Option<Vec<Field<BoneName>>>,
+    owner: Option<&Field<T>>,
+    file: &str,
+    poses: Option<&PoseTable>,
+    report: &mut Vec<Diagnostic>,
+) {
+    if joints.as_ref().is_some_and(Vec::is_empty) {
+        report.push(
+            Diagnostic::error("driver-joints", file, owner.map_or(Place::File, Field::place))
+                .problem("there are no joints in this list")
                 .help("Name one or more, for example joints = [\"rightLowerArm\"]."),
         );
     }
     let mut seen = Vec::new();
-    for (field, bone) in joints_of(driver) {
+    for (field, bone) in right_joints(joints) {
         if seen.contains(&bone) {
             report.push(
                 Diagnostic::error("driver-joints", file, field.place())
@@ -424,7 +475,7 @@ fn check_driver_joints(driver: &DriverEntry, file: &str, poses: Option<&PoseTabl
     }
 }
 
-/// Whether the body has the joints of drivers and pose table, and those that carry the skirt.
+/// Whether the body has the joints of drivers, limits and pose table, and those that carry the skirt.
 fn check_joints(
     manifest: &Manifest,
     file: &str,
@@ -441,7 +492,9 @@ fn check_joints(
                 .help("Use a body with the joints hips, leftUpperLeg and rightUpperLeg."),
         );
     }
-    for (field, bone) in manifest.drivers.iter().flat_map(joints_of).filter(|(_, bone)| lacks(bone)) {
+    let of_drivers = manifest.drivers.iter().map(|driver| &driver.joints);
+    let joints = of_drivers.chain(manifest.limits.iter().map(|limit| &limit.joints)).flat_map(right_joints);
+    for (field, bone) in joints.filter(|(_, bone)| lacks(bone)) {
         report.push(
             Diagnostic::error("missing-joint", file, field.place())
                 .problem(format!("the body has no joint {}", bone.name()))
@@ -661,10 +714,10 @@ mod tests {
         assert_eq!(garment.base.positions_m.len(), 13_924);
         assert_eq!(garment.base.triangles.len(), 27_340);
         assert_eq!(garment.base.uv.len(), 14_585);
-        assert_eq!(garment.targets.len(), 18);
+        assert_eq!(garment.targets.len(), 30);
         assert_eq!(garment.body.skeleton.joints().len(), 20);
         assert_eq!(garment.paths.len(), 17);
-        assert_eq!(garment.drivers.len(), 4);
+        assert_eq!(garment.drivers.len(), 8);
     }
 
     #[test]

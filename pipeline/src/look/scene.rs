@@ -7,7 +7,7 @@ use crate::look::texture::Texture;
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
-use kitsuke::skeleton::{Bone, Pose, Skeleton};
+use kitsuke::skeleton::{Pose, Skeleton};
 
 const BACKGROUND: [u8; 3] = [236; 3];
 const CLOTH: [u8; 3] = [176, 178, 184];
@@ -75,14 +75,13 @@ struct Skinned<'a> {
 }
 
 impl<'a> Scene<'a> {
-    /// A garment with what it was made from. A texture that cannot be read is left out, and so are the wearer's legs
-    /// unless `with_legs`.
+    /// A garment with what it was made from. A texture that cannot be read is left out.
     #[must_use]
-    pub fn new(garment: &'a Garment, source: Option<&'a ir::Garment>, with_legs: bool) -> Scene<'a> {
+    pub fn new(garment: &'a Garment, source: Option<&'a ir::Garment>) -> Scene<'a> {
         let texture =
             source.and_then(|source| source.texture_png.as_deref()).and_then(|png| Texture::from_png(png).ok());
         let texture = texture.filter(|_| garment.data().mesh.uv.len() == garment.vertex_count());
-        let body = source.map(|source| wearer(&source.body, with_legs));
+        let body = source.map(|source| wearer(&source.body));
         let obi = source.and_then(|source| source.obi.as_ref()).map(|obi| worn_over(garment, obi));
         Scene { garment, source, texture, context: body.into_iter().chain(obi).collect() }
     }
@@ -287,31 +286,12 @@ impl Skinned<'_> {
     }
 }
 
-/// The body, on request without what the legs move.
-fn wearer(body: &ir::Body, with_legs: bool) -> Skinned<'_> {
-    const LEGS: [Bone; 8] = [
-        Bone::LeftUpperLeg,
-        Bone::LeftLowerLeg,
-        Bone::LeftFoot,
-        Bone::LeftToes,
-        Bone::RightUpperLeg,
-        Bone::RightLowerLeg,
-        Bone::RightFoot,
-        Bone::RightToes,
-    ];
-    let joints = body.skeleton.joints();
-    let is_leg = |&(joint, weight): &(u8, f32)| weight > 0.05 && LEGS.contains(&joints[usize::from(joint)].bone);
-    let is_drawn: Vec<bool> = body.skin.iter().map(|weights| with_legs || !weights.iter().any(is_leg)).collect();
-    // What is not drawn is dropped, so that it does not count for the size of the picture.
-    let drawn: Vec<usize> = (0..is_drawn.len()).filter(|&v| is_drawn[v]).collect();
-    let mut number = vec![0; is_drawn.len()];
-    drawn.iter().zip(0..).for_each(|(&v, i)| number[v] = i);
-    let triangles = body.surface.triangles.iter().filter(|triangle| triangle.iter().all(|&v| is_drawn[v as usize]));
+fn wearer(body: &ir::Body) -> Skinned<'_> {
     Skinned {
         skeleton: &body.skeleton,
-        triangles: triangles.map(|triangle| triangle.map(|v| number[v as usize])).collect(),
-        positions_m: drawn.iter().map(|&v| body.surface.positions_m[v]).collect(),
-        skin: drawn.iter().map(|&v| body.skin[v]).collect(),
+        positions_m: body.surface.positions_m.clone(),
+        triangles: body.surface.triangles.clone(),
+        skin: body.skin.clone(),
         colour: SKIN,
     }
 }

@@ -1,13 +1,12 @@
 //! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body. Knows neither files nor
 //! how poses are chosen.
 
+use super::posed_body::PosedBody;
 use crate::ir::Body;
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 use kitsuke::evaluate::{blend, skin};
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Rates, Scratch};
-use parry3d::query::PointQueryWithLocation;
-use parry3d::shape::{TriMesh, TriMeshFlags};
 use rayon::prelude::*;
 
 /// Cloth deeper than this counts as this deep, metres.
@@ -92,61 +91,14 @@ pub fn pose_depths(body: &Body, garment: &Garment, number: usize, pose: &Pose) -
     blend(garment, &rates, &mut scratch);
     skin(garment, &pose, &mut scratch, &mut positions_m);
     let depth = |(vertex, place_m): (usize, &Vec3)| {
-        let (depth_m, joint) = posed_body.depth(*place_m)?;
+        let (depth_m, joint) = posed_body.depth(*place_m, DEEPEST_M)?;
         Some(Depth { depth_m, pose: number, vertex: vertex as u32, joint })
     };
     let mut depths: Vec<Depth> = positions_m.iter().enumerate().filter_map(depth).collect();
     depths.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
     // The nearest skin may belong to a fold of the posed body, whose side says nothing. The deepest are made certain.
-    let is_inside = |depth: &Depth| winding(&posed_body.mesh, positions_m[depth.vertex as usize]) > 0.5;
+    let is_inside = |depth: &Depth| posed_body.winding(positions_m[depth.vertex as usize]) > 0.5;
     let outside = depths.iter().take(CERTAIN).take_while(|depth| !is_inside(depth)).count();
     depths.drain(..outside);
     depths
-}
-
-/// The posed body, ready for questions.
-struct PosedBody<'a> {
-    body: &'a Body,
-    mesh: TriMesh,
-}
-
-impl<'a> PosedBody<'a> {
-    fn new(body: &'a Body, pose: &Pose) -> PosedBody<'a> {
-        let mut transforms = vec![Affine3A::IDENTITY; body.skeleton.joints().len()];
-        body.skeleton.posed_from_rest(pose, &mut transforms);
-        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| -> Vec3 {
-            weights.iter().map(|&(joint, w)| transforms[usize::from(joint)].transform_point3(*p) * w).sum()
-        };
-        let points = body.surface.positions_m.iter().zip(&body.skin).map(posed);
-        let points = points.map(|p| p.to_array().into()).collect();
-        let mesh = TriMesh::with_flags(points, body.surface.triangles.clone(), TriMeshFlags::ORIENTED);
-        PosedBody { body, mesh: mesh.expect("the body's surface has triangles") }
-    }
-
-    /// How deep a point lies in the body, and the joint of the skin that is nearest.
-    fn depth(&self, place_m: Vec3) -> Option<(f32, u8)> {
-        let place = place_m.to_array().into();
-        let (nearest, (triangle, _)) =
-            self.mesh.project_local_point_and_get_location_with_max_dist(place, false, DEEPEST_M)?;
-        let depth_m = Vec3::new(nearest.point.x, nearest.point.y, nearest.point.z).distance(place_m);
-        let corner = self.body.surface.triangles[triangle as usize][0] as usize;
-        let joint = self.body.skin[corner].iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(joint, _)| *joint);
-        nearest.is_inside.then_some((depth_m, joint))
-    }
-}
-
-/// How often a closed surface winds round a point, by the solid angles of its triangles (van Oosterom, Strackee: The
-/// Solid Angle of a Plane Triangle, 1983): 1 or more inside, even where the surface passes through itself.
-fn winding(mesh: &TriMesh, place_m: Vec3) -> f32 {
-    let corners = mesh.vertices();
-    let solid_rad = |triangle: &[u32; 3]| {
-        let [a, b, c] = triangle.map(|v| {
-            let p = corners[v as usize];
-            Vec3::new(p.x, p.y, p.z) - place_m
-        });
-        let [la, lb, lc] = [a.length(), b.length(), c.length()];
-        let whole = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-        2.0 * libm::atan2f(a.dot(b.cross(c)), whole)
-    };
-    mesh.indices().iter().map(solid_rad).sum::<f32>() / (4.0 * std::f32::consts::PI)
 }

@@ -4,7 +4,7 @@
 use crate::stages::StageError;
 use crate::stages::kernel;
 use glam::{DQuat, DVec3, Vec3};
-use kitsuke::arrays::{GarmentData, Group};
+use kitsuke::arrays::{GarmentData, Group, Rbf, RbfLayer};
 use kitsuke::pose_blend::{Kernel, rbf};
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates};
@@ -123,50 +123,69 @@ fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
     let bones = rest.poses.bones.len();
     rest.poses.rotations.drain((target + 1) * bones..(target + 2) * bones);
     (rest.rbf, rest.certificate) = (None, None);
-    if let Some((arms, scales)) = kernel::arms_and_scales(data) {
-        rest.rbf = Some(kernel::interpolate(&rest, &arms, &scales)?);
+    if let Some(rbf) = &data.rbf {
+        let layer = |(number, layer): (usize, &RbfLayer)| {
+            let (limbs, scales) = kernel::limbs_and_scales(layer);
+            kernel::interpolate(&rest, number, &limbs, &scales)
+        };
+        rest.rbf = Some(Rbf { layers: rbf.layers.iter().enumerate().map(layer).collect::<Result<_, _>>()? });
     }
     Garment::new(rest).map_err(|error| StageError::new("leave-one-out", error.to_string()))
 }
 
-/// The rates of a method in a pose.
+/// The rates of a method in a pose, layer by layer.
 fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
-    let data = garment.data();
-    let everything: Vec<u8> = (0..data.drivers.len() as u8).collect();
-    let mut set = |drivers: &[u8], weights: &[f64]| {
-        for &driver in drivers {
-            // The first weight is the base's, whose delta is nothing.
-            weights.iter().skip(1).enumerate().for_each(|(t, &w)| rates.set(usize::from(driver), t, w as f32));
-        }
-    };
-    let samples: Vec<Pose> = (0..=data.targets.len()).map(|row| data.poses.pose(row)).collect();
-    let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
     match method {
-        Method::Default => garment.blend_rates(garment.kernel(), pose, rates),
-        Method::Paper => garment.blend_rates(Kernel::Paper, pose, rates),
-        Method::Skinning => {}
-        Method::Nearest => {
-            let differences = differences_rad(&data.poses.bones, &samples, pose);
-            let nearest = (0..samples.len()).min_by(|&a, &b| differences[a].total_cmp(&differences[b])).unwrap_or(0);
-            let weights: Vec<f64> = (0..samples.len()).map(|row| f64::from(u8::from(row == nearest))).collect();
-            set(&everything, &weights);
+        Method::Default => return garment.blend_rates(garment.kernel(), pose, rates),
+        Method::Paper => return garment.blend_rates(Kernel::Paper, pose, rates),
+        Method::Skinning => return,
+        _ => {}
+    }
+    let data = garment.data();
+    for (number, layer) in data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate()) {
+        let rows = rbf::rows_of_layer(data, number);
+        let samples: Vec<Pose> = rows.iter().map(|&row| data.poses.pose(row)).collect();
+        let mut set = |drivers: &[u8], weights: &[f64]| {
+            for &driver in drivers {
+                // The first weight is the base's, whose delta is nothing.
+                let weighted = rows.iter().zip(weights).skip(1);
+                weighted.for_each(|(&row, &weight)| rates.set(usize::from(driver), row - 1, weight as f32));
+            }
+        };
+        let all: Vec<u8> = layer.groups.iter().flat_map(|group| group.drivers.iter().copied()).collect();
+        let joints: Vec<Bone> = layer.groups.iter().flat_map(bones).collect();
+        match method {
+            Method::Nearest => {
+                let differences = differences_rad(&joints, &samples, pose);
+                let nearest =
+                    (0..samples.len()).min_by(|&a, &b| differences[a].total_cmp(&differences[b])).unwrap_or(0);
+                let weights: Vec<f64> = (0..samples.len()).map(|row| f64::from(u8::from(row == nearest))).collect();
+                set(&all, &weights);
+            }
+            Method::InverseDistance => {
+                let differences = differences_rad(&joints, &samples, pose);
+                let near: Vec<f64> = differences.iter().map(|d| 1.0 / (d * d).max(1e-8)).collect();
+                let sum: f64 = near.iter().sum();
+                set(&all, &near.iter().map(|near| near / sum).collect::<Vec<_>>());
+            }
+            _ => {
+                for group in &layer.groups {
+                    let weights = match method {
+                        Method::LinearRbf => linear_rbf(&bones(group), &samples, pose),
+                        Method::ThinPlate => thin_plate(&bones(group), &samples, pose),
+                        Method::MovingLeastSquares => {
+                            let (embedded, at) = embedded(group, &samples, pose);
+                            moving_least_squares(&embedded, &at)
+                        }
+                        _ => {
+                            let (embedded, at) = embedded(group, &samples, pose);
+                            modified_shepard(&embedded, &at)
+                        }
+                    };
+                    set(&group.drivers, &weights);
+                }
+            }
         }
-        Method::InverseDistance => {
-            let differences = differences_rad(&data.poses.bones, &samples, pose);
-            let near: Vec<f64> = differences.iter().map(|d| 1.0 / (d * d).max(1e-8)).collect();
-            let sum: f64 = near.iter().sum();
-            set(&everything, &near.iter().map(|near| near / sum).collect::<Vec<_>>());
-        }
-        Method::LinearRbf => groups.for_each(|group| set(&group.drivers, &linear_rbf(&bones(group), &samples, pose))),
-        Method::ThinPlate => groups.for_each(|group| set(&group.drivers, &thin_plate(&bones(group), &samples, pose))),
-        Method::MovingLeastSquares => groups.for_each(|group| {
-            let (embedded, at) = embedded(group, &samples, pose);
-            set(&group.drivers, &moving_least_squares(&embedded, &at));
-        }),
-        Method::ModifiedShepard => groups.for_each(|group| {
-            let (embedded, at) = embedded(group, &samples, pose);
-            set(&group.drivers, &modified_shepard(&embedded, &at));
-        }),
     }
 }
 

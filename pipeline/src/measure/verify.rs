@@ -4,7 +4,7 @@
 use crate::ir;
 use crate::look::frames::{Blend, Distance, Shot, Stage, in_source_order, own_poses};
 use crate::stages::StageError;
-use crate::stages::regions::missing_share;
+use crate::stages::regions::missing_shares;
 use glam::Vec3;
 use kitsuke::Pack;
 use kitsuke::pose_blend::Kernel;
@@ -41,11 +41,11 @@ pub fn verify(
         Pack::open(pack).map_err(|error| StageError::new("verify", format!("the pack does not open: {error}")))?;
     let garment = pack.garment();
     let shots = own_poses(garment);
-    let missing: Vec<f32> = masks.chunks(source.drivers.len().max(1)).map(missing_share).collect();
     (0..source.targets.len())
         .into_par_iter()
         .map(|t| {
             let target = &source.targets[t];
+            let missing = missing_shares(masks, &source.drivers, target.layer);
             let mut stage = Stage::new(garment);
             let alone = &shots[t + 1];
             let alone_m = in_source_order(garment, stage.show(alone).0);

@@ -63,6 +63,21 @@ pub struct Manifest {
     /// The joints that choose among the targets, each with the region of the kimono that it moves.
     #[serde(default, rename = "driver")]
     pub drivers: Vec<DriverEntry>,
+    /// Joints that the kimono keeps from turning farther than its targets do: a skirt stops a stride.
+    #[serde(default, rename = "limit")]
+    pub limits: Vec<LimitEntry>,
+}
+
+/// One `[[limit]]`.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct LimitEntry {
+    /// The joints that are held back together, by their VRM 1.0 names.
+    #[schemars(required)]
+    pub joints: Option<Vec<Field<BoneName>>>,
+    /// How much farther than the targets they may turn at most.
+    #[schemars(required)]
+    pub margin: Option<Field<Angle>>,
 }
 
 /// One `[[driver]]`.
@@ -248,6 +263,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         rules,
         regions,
         drivers,
+        limits,
     } = &manifest;
     for text in [name, base, texture, obi, body, poses, paths, sizes].into_iter().flatten() {
         report_wrong(file, text, report);
@@ -260,6 +276,10 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
     for DriverEntry { name, joints, threshold, group, mask } in drivers {
         name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));
         threshold.iter().for_each(|field| report_wrong(file, field, report));
+        joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
+    }
+    for LimitEntry { joints, margin } in limits {
+        margin.iter().for_each(|field| report_wrong(file, field, report));
         joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
     }
     Some(manifest)

@@ -31,7 +31,9 @@ pub fn compress(
         .zip(deltas)
         .map(|(target, deltas)| in_steps(&target.name, deltas, step_m))
         .collect::<Result<_, _>>()?;
-    let order = order(garment.drivers.len(), masks, &steps);
+    let layers_of_drivers: Vec<u8> = garment.drivers.iter().map(|driver| driver.layer).collect();
+    let layers_of_targets: Vec<u8> = garment.targets.iter().map(|target| target.layer).collect();
+    let order = order(&layers_of_drivers, masks, &layers_of_targets, &steps);
 
     let mut rotations = vec![Quat::IDENTITY; garment.pose_bones.len()];
     rotations.extend(garment.targets.iter().flat_map(|target| &target.rotations));
@@ -39,10 +41,15 @@ pub fn compress(
         name: driver.name.clone(),
         joints: driver.joints.clone(),
         threshold_rad: driver.threshold_rad,
+        layer: driver.layer,
     };
     let mesh = mesh(&garment.base, &order.source_vertex);
-    let mut targets: Vec<Target> =
-        garment.targets.iter().zip(&steps).map(|(t, steps)| target(&t.name, step_m, steps, &order)).collect();
+    let mut targets: Vec<Target> = garment
+        .targets
+        .iter()
+        .zip(&steps)
+        .map(|(t, steps)| target(t, step_m, steps, &layers_of_drivers, &order))
+        .collect();
     let wanted: Vec<Wanted> =
         targets.iter().zip(deltas).map(|(target, deltas)| wanted(target, deltas, &order)).collect();
     let radius = garment.budget_m / step_m;
@@ -59,6 +66,7 @@ pub fn compress(
         targets,
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
+        pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
     })
@@ -93,13 +101,17 @@ struct Order {
     segments: Vec<Segment>,
 }
 
-/// Vertices by the set of drivers that own them, then in file order.
-fn order(driver_count: usize, masks: &[u16], steps: &[Vec<[i16; 3]>]) -> Order {
+/// Vertices by the set of drivers that own them, then in file order. A driver owns nothing where no target of its layer moves.
+fn order(layers_of_drivers: &[u8], masks: &[u16], layers_of_targets: &[u8], steps: &[Vec<[i16; 3]>]) -> Order {
+    let driver_count = layers_of_drivers.len();
     let vertex_count = masks.len() / driver_count.max(1);
     let mut by_drivers: BTreeMap<BTreeSet<u8>, Vec<u32>> = BTreeMap::new();
     for v in 0..vertex_count {
-        let is_moved = steps.iter().any(|steps| steps[v] != [0; 3]);
-        let owners = (0..driver_count).filter(|d| is_moved && masks[v * driver_count + d] > 0);
+        let moves = |layer: u8| {
+            let mut of_layer = layers_of_targets.iter().zip(steps).filter(|(other, _)| **other == layer);
+            of_layer.any(|(_, steps)| steps[v] != [0; 3])
+        };
+        let owners = (0..driver_count).filter(|d| masks[v * driver_count + d] > 0 && moves(layers_of_drivers[*d]));
         by_drivers.entry(owners.map(|d| d as u8).collect()).or_default().push(v as u32);
     }
     join_small_sets(&mut by_drivers);
@@ -137,13 +149,15 @@ fn join_small_sets(by_drivers: &mut BTreeMap<BTreeSet<u8>, Vec<u32>>) {
 }
 
 /// A target's steps in the pack's order, without the segments that it leaves alone.
-fn target(name: &str, step_m: f32, steps: &[[i16; 3]], order: &Order) -> Target {
-    let mut target = Target { name: name.to_owned(), step_m, segments: Vec::new(), deltas: Vec::new() };
+fn target(shape: &ir::TargetShape, step_m: f32, steps: &[[i16; 3]], layers_of_drivers: &[u8], order: &Order) -> Target {
+    let (name, layer) = (shape.name.clone(), shape.layer);
+    let mut target = Target { name, layer, step_m, segments: Vec::new(), deltas: Vec::new() };
     let mut start = 0;
     for (s, segment) in order.segments.iter().enumerate() {
         let end = start + segment.vertex_count as usize;
         let run = order.source_vertex[start..end].iter().map(|&v| steps[v as usize]);
-        if !segment.drivers.is_empty() && run.clone().any(|step| step != [0; 3]) {
+        let is_driven = segment.drivers.iter().any(|&driver| layers_of_drivers[usize::from(driver)] == layer);
+        if is_driven && run.clone().any(|step| step != [0; 3]) {
             target.segments.push(s as u16);
             target.deltas.extend(run);
         }
@@ -248,7 +262,7 @@ mod tests {
             })
             .collect();
         let steps = vec![vec![[1, 0, 0]; n as usize]];
-        let order = order(2, &masks, &steps);
+        let order = order(&[0, 0], &masks, &[0], &steps);
         assert_eq!(order.segments.len(), 2);
         assert_eq!(order.segments[0].drivers, [0]);
         assert!(order.segments[0].masks.is_empty(), "one owner of everything needs no masks");

@@ -83,7 +83,7 @@ mod tests {
     }
 
     fn target(rotations: Vec<Quat>, positions_m: Vec<Vec3>) -> TargetShape {
-        TargetShape { name: "bent".into(), file: "poses/bent.obj".into(), rotations, positions_m }
+        TargetShape { name: "bent".into(), file: "poses/bent.obj".into(), layer: 0, rotations, positions_m }
     }
 
     const BONES: [Bone; 2] = [Bone::LeftUpperArm, Bone::LeftLowerArm];

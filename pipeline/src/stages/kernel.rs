@@ -2,7 +2,7 @@
 //! that interpolate the samples. Knows the arrays of a pack; how they are used per frame stands in
 //! [`kitsuke::pose_blend::rbf`].
 //!
-//! What matters is decided by leaving one sample out: every target's shape is predicted from the other samples, and
+//! Every layer is fitted by itself. What matters is decided by leaving one sample out: every target's shape is predicted from the other samples, and
 //! the scales are chosen so that these predictions err least, measured on the cloth, not on the rates. Each trial costs
 //! only matrices as large as the number of samples, because the error of a blend is a quadratic form of its rates.
 
@@ -11,9 +11,10 @@ use crate::stages::StageError;
 use argmin::core::{CostFunction, Executor, State};
 use argmin::solver::neldermead::NelderMead;
 use glam::DVec3;
-use kitsuke::arrays::GarmentData;
-use kitsuke::arrays::{ChainJoint, Group, Rbf};
-use kitsuke::pose_blend::rbf::{embed_samples, embedding_length, inverse_multiquadric, squared_distance, wendland};
+use kitsuke::arrays::{ChainJoint, GarmentData, Group, Rbf, RbfLayer};
+use kitsuke::pose_blend::rbf::{
+    embed_samples, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance, wendland,
+};
 use kitsuke::skeleton::{Bone, Skeleton};
 
 /// Where the search for scales begins and may go.
@@ -55,56 +56,95 @@ impl Default for Settings {
 /// What the search chooses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scales {
-    /// Swing and twist by place in the chain, the same for all groups: an arm is an arm.
+    /// Swing and twist by how many joints of the limb lie before the joint, the same for all limbs: an arm is an arm.
     pub joints: Vec<[f64; 2]>,
-    /// See [`Rbf::joint_width`].
+    /// See [`RbfLayer::joint_width`].
     pub joint_width: f64,
-    /// Added to the diagonal of the arm's own system.
+    /// Added to the diagonal of the limb's own system.
     pub ridge: f64,
 }
 
-/// Drivers that blend together, before scales and coefficients are known.
+/// Drivers that blend together, before scales and coefficients are known: an arm, or both legs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Arm {
+pub struct Limb {
     /// The group's name.
     pub name: String,
     /// Its drivers.
     pub drivers: Vec<u8>,
-    /// Their joints, from the trunk outward, with the direction of each bone.
-    pub chain: Vec<(Bone, DVec3)>,
+    /// Their joints, each after the one that carries it.
+    pub chain: Vec<Link>,
 }
 
-/// The groups of the artist's drivers, in the order in which they first occur.
+/// A joint of a limb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// The bone.
+    pub bone: Bone,
+    /// Where it points in the T-pose.
+    pub axis: DVec3,
+    /// The place in the chain of the joint that carries it.
+    pub parent: Option<u8>,
+    /// How many joints of the chain carry it.
+    pub depth: usize,
+}
+
+/// The limbs of a layer: the groups of the artist's drivers, in the order in which they first occur.
 #[must_use]
-pub fn arms(drivers: &[ir::Driver], skeleton: &Skeleton) -> Vec<Arm> {
-    let mut arms: Vec<Arm> = Vec::new();
-    for (number, driver) in drivers.iter().enumerate() {
-        match arms.iter_mut().find(|arm| arm.name == driver.group) {
-            Some(arm) => arm.drivers.push(number as u8),
-            None => arms.push(Arm { name: driver.group.clone(), drivers: vec![number as u8], chain: Vec::new() }),
+pub fn limbs(drivers: &[ir::Driver], layer: usize, skeleton: &Skeleton) -> Vec<Limb> {
+    let mut limbs: Vec<Limb> = Vec::new();
+    for (number, driver) in drivers.iter().enumerate().filter(|(_, driver)| usize::from(driver.layer) == layer) {
+        match limbs.iter_mut().find(|limb| limb.name == driver.group) {
+            Some(limb) => limb.drivers.push(number as u8),
+            None => limbs.push(Limb { name: driver.group.clone(), drivers: vec![number as u8], chain: Vec::new() }),
         }
     }
-    for arm in &mut arms {
-        let moves = |bone: &Bone| arm.drivers.iter().any(|&driver| drivers[usize::from(driver)].joints.contains(bone));
-        let bones = skeleton.joints().iter().map(|joint| joint.bone).filter(moves);
-        arm.chain = bones.map(|bone| (bone, direction(skeleton, bone))).collect();
+    for limb in &mut limbs {
+        let moves = |bone: Bone| limb.drivers.iter().any(|&driver| drivers[usize::from(driver)].joints.contains(&bone));
+        for joint in skeleton.joints().iter().filter(|joint| moves(joint.bone)) {
+            let mut above = joint.parent;
+            let mut parent = None;
+            while let (Some(joint), None) = (above.map(|index| skeleton.joints()[usize::from(index)]), parent) {
+                parent = limb.chain.iter().position(|link| link.bone == joint.bone);
+                above = joint.parent;
+            }
+            let depth = parent.map_or(0, |parent| limb.chain[parent].depth + 1);
+            let axis = direction(skeleton, joint.bone);
+            limb.chain.push(Link { bone: joint.bone, axis, parent: parent.map(|parent| parent as u8), depth });
+        }
     }
-    arms
+    limbs
 }
 
-/// The groups and scales with which a garment's default kernel was made; `None` where it has none.
+/// The limbs and scales with which a layer's kernel was made.
 #[must_use]
-pub fn arms_and_scales(data: &GarmentData) -> Option<(Vec<Arm>, Scales)> {
-    let rbf = data.rbf.as_ref()?;
-    let arm = |group: &Group| Arm {
-        name: group.name.clone(),
-        drivers: group.drivers.clone(),
-        chain: group.chain.iter().map(|joint| (joint.bone, joint.axis)).collect(),
+pub fn limbs_and_scales(layer: &RbfLayer) -> (Vec<Limb>, Scales) {
+    let mut joints: Vec<[f64; 2]> = Vec::new();
+    let limb = |group: &Group| {
+        let mut chain: Vec<Link> = Vec::new();
+        for joint in &group.chain {
+            let depth = joint.parent.map_or(0, |parent| chain[usize::from(parent)].depth + 1);
+            if depth == joints.len() {
+                joints.push([joint.swing, joint.twist]);
+            }
+            chain.push(Link { bone: joint.bone, axis: joint.axis, parent: joint.parent, depth });
+        }
+        Limb { name: group.name.clone(), drivers: group.drivers.clone(), chain }
     };
-    let longest = rbf.groups.iter().map(|group| &group.chain).max_by_key(|chain| chain.len())?;
-    let joints = longest.iter().map(|joint| [joint.swing, joint.twist]).collect();
-    let scales = Scales { joints, joint_width: rbf.joint_width, ridge: rbf.ridge };
-    Some((rbf.groups.iter().map(arm).collect(), scales))
+    let limbs = layer.groups.iter().map(limb).collect();
+    (limbs, Scales { joints, joint_width: layer.joint_width, ridge: layer.ridge })
+}
+
+/// The default kernel: for every layer scales by leave-one-out error, and coefficients that give every sample back.
+///
+/// # Errors
+/// When two samples are too near to each other to be told apart, naming them, or the search cannot run.
+pub fn kernel(data: &GarmentData, drivers: &[ir::Driver], settings: &Settings) -> Result<Rbf, StageError> {
+    let layer = |number: usize| {
+        let limbs = limbs(drivers, number, &data.skeleton);
+        let scales = tune(data, number, &limbs, settings)?;
+        interpolate(data, number, &limbs, &scales)
+    };
+    Ok(Rbf { layers: (0..data.layer_count()).map(layer).collect::<Result<_, _>>()? })
 }
 
 /// Where a bone points in the T-pose: to its first child, else away from its parent.
@@ -117,22 +157,25 @@ fn direction(skeleton: &Skeleton, bone: Bone) -> DVec3 {
     ends.and_then(|(from, to)| (to - from).as_dvec3().try_normalize()).unwrap_or(DVec3::Y)
 }
 
-/// Chooses the scales by leave-one-out error.
-///
-/// # Errors
-/// When the search cannot run.
-pub fn tune(data: &GarmentData, arms: &[Arm], settings: &Settings) -> Result<Scales, StageError> {
-    let longest = arms.iter().map(|arm| arm.chain.len()).max().unwrap_or(0);
+/// How many joints the longest way from the trunk has.
+fn depths(limbs: &[Limb]) -> usize {
+    limbs.iter().flat_map(|limb| &limb.chain).map(|link| link.depth + 1).max().unwrap_or(0)
+}
+
+/// Chooses the scales of a layer by leave-one-out error.
+fn tune(data: &GarmentData, layer: usize, limbs: &[Limb], settings: &Settings) -> Result<Scales, StageError> {
     let start = Scales {
-        joints: vec![[settings.swing, settings.twist]; longest],
+        joints: vec![[settings.swing, settings.twist]; depths(limbs)],
         joint_width: settings.joint_width,
         ridge: settings.ridge,
     };
-    if data.targets.len() < 3 {
+    let rows = rows_of_layer(data, layer);
+    if rows.len() < 4 {
         // Too few samples to leave one out.
         return Ok(start);
     }
-    let search = Search { data, arms, settings, products: arms.iter().map(|arm| products(data, arm)).collect() };
+    let products = limbs.iter().map(|limb| products(data, &rows, limb)).collect();
+    let search = Search { data, rows, limbs, settings, products };
     let first = to_logarithms(&start);
     let mut simplex = vec![first.clone()];
     for i in 0..first.len() {
@@ -155,9 +198,11 @@ pub fn tune(data: &GarmentData, arms: &[Arm], settings: &Settings) -> Result<Sca
 /// The search: logarithms of the scales in, leave-one-out error out.
 struct Search<'a> {
     data: &'a GarmentData,
-    arms: &'a [Arm],
+    /// The rows of the layer, the base first.
+    rows: Vec<usize>,
+    limbs: &'a [Limb],
     settings: &'a Settings,
-    /// Per arm the inner products of the samples' deltas, m².
+    /// Per limb the inner products of the samples' deltas, m².
     products: Vec<Matrix>,
 }
 
@@ -165,11 +210,11 @@ impl CostFunction for Search<'_> {
     type Param = Vec<f64>;
     type Output = f64;
 
-    /// Mean over arms and targets of the root mean square error over the cloth, plus a little for leaving the start,
+    /// Mean over limbs and targets of the root mean square error over the cloth, plus a little for leaving the start,
     /// so that a scale that does not matter stays where it is.
     fn cost(&self, logarithms: &Vec<f64>) -> Result<f64, argmin::core::Error> {
         let scales = from_logarithms(logarithms, self.settings);
-        let distances = Distances::new(self.data, self.arms, &scales);
+        let distances = Distances::new(self.data, &self.rows, self.limbs, &scales);
         let mut sum = 0.0;
         for left_out in 1..distances.samples {
             let others: Vec<usize> = (0..distances.samples).filter(|&sample| sample != left_out).collect();
@@ -182,7 +227,7 @@ impl CostFunction for Search<'_> {
                 sum += products.quadratic_form(&apart).max(0.0).sqrt();
             }
         }
-        let count = (distances.samples - 1) * self.arms.len();
+        let count = (distances.samples - 1) * self.limbs.len();
         let strayed: f64 = logarithms.iter().zip(self.start()).map(|(a, b)| (a - b) * (a - b)).sum();
         Ok(sum / count as f64 * (1.0 + 1e-4 * strayed))
     }
@@ -190,8 +235,7 @@ impl CostFunction for Search<'_> {
 
 impl Search<'_> {
     fn start(&self) -> Vec<f64> {
-        let longest = self.arms.iter().map(|arm| arm.chain.len()).max().unwrap_or(0);
-        let joints = vec![[self.settings.swing, self.settings.twist]; longest];
+        let joints = vec![[self.settings.swing, self.settings.twist]; depths(self.limbs)];
         to_logarithms(&Scales { joints, joint_width: self.settings.joint_width, ridge: self.settings.ridge })
     }
 }
@@ -211,39 +255,45 @@ fn from_logarithms(logarithms: &[f64], settings: &Settings) -> Scales {
     }
 }
 
-/// The kernel with these scales: coefficients that give every sample back.
+/// A layer's kernel with these scales: coefficients that give every sample back.
 ///
 /// # Errors
 /// When two samples are too near to each other to be told apart, naming them.
-pub fn interpolate(data: &GarmentData, arms: &[Arm], scales: &Scales) -> Result<Rbf, StageError> {
-    let distances = Distances::new(data, arms, scales);
+pub fn interpolate(data: &GarmentData, layer: usize, limbs: &[Limb], scales: &Scales) -> Result<RbfLayer, StageError> {
+    let rows = rows_of_layer(data, layer);
+    let distances = Distances::new(data, &rows, limbs, scales);
     let all: Vec<usize> = (0..distances.samples).collect();
     let too_near = || {
         let (a, b) = distances.nearest_pair();
-        let name = |row: usize| if row == 0 { "the base" } else { data.targets[row - 1].name.as_str() };
+        let name = |sample: usize| if sample == 0 { "the base" } else { &data.targets[rows[sample] - 1].name };
         StageError::new("kernel", format!("the poses of {} and {} cannot be told apart", name(a), name(b)))
     };
     let joint_inverse = distances.joint_system(&all, scales).inverse().ok_or_else(too_near)?;
     let mut groups = Vec::new();
-    for (number, arm) in arms.iter().enumerate() {
+    for (number, limb) in limbs.iter().enumerate() {
         let own_inverse = distances.own_system(number, &all, scales).inverse().ok_or_else(too_near)?;
-        // What the arm's own shape K (K + ridge)⁻¹ leaves of each sample is I - K (K + ridge)⁻¹ = ridge (K + ridge)⁻¹.
+        // What the limb's own shape K (K + ridge)⁻¹ leaves of each sample is I - K (K + ridge)⁻¹ = ridge (K + ridge)⁻¹.
         let left = joint_inverse.times(&own_inverse);
         let joint = Matrix::new(left.size, |i, j| scales.ridge * left.at(i, j));
         groups.push(Group {
-            name: arm.name.clone(),
-            drivers: arm.drivers.clone(),
-            chain: chain(arm, scales),
+            name: limb.name.clone(),
+            drivers: limb.drivers.clone(),
+            chain: chain(limb, scales),
             own: own_inverse.without_first_column(),
             joint: joint.without_first_column(),
         });
     }
-    Ok(Rbf { groups, joint_width: scales.joint_width, reach: distances.reach(), ridge: scales.ridge })
+    let limited: Vec<Bone> = data.pose_limits.iter().flat_map(|limit| limit.bones.iter().copied()).collect();
+    let is_limited = limbs.iter().flat_map(|limb| &limb.chain).all(|link| limited.contains(&link.bone));
+    Ok(RbfLayer { groups, joint_width: scales.joint_width, reach: distances.reach(is_limited), ridge: scales.ridge })
 }
 
-fn chain(arm: &Arm, scales: &Scales) -> Vec<ChainJoint> {
-    let joints = arm.chain.iter().zip(&scales.joints);
-    joints.map(|(&(bone, axis), &[swing, twist])| ChainJoint { bone, axis, swing, twist }).collect()
+fn chain(limb: &Limb, scales: &Scales) -> Vec<ChainJoint> {
+    let joint = |&Link { bone, axis, parent, depth }: &Link| {
+        let [swing, twist] = scales.joints[depth];
+        ChainJoint { bone, parent, axis, swing, twist }
+    };
+    limb.chain.iter().map(joint).collect()
 }
 
 /// Squared distances of all samples, the base first.
@@ -254,14 +304,14 @@ struct Distances {
 }
 
 impl Distances {
-    fn new(data: &GarmentData, arms: &[Arm], scales: &Scales) -> Distances {
-        let samples = data.targets.len() + 1;
-        let own: Vec<Matrix> = arms
+    fn new(data: &GarmentData, rows: &[usize], limbs: &[Limb], scales: &Scales) -> Distances {
+        let samples = rows.len();
+        let own: Vec<Matrix> = limbs
             .iter()
-            .map(|arm| {
-                let chain = chain(arm, scales);
+            .map(|limb| {
+                let chain = chain(limb, scales);
                 let length = embedding_length(&chain);
-                let embeddings = embed_samples(&chain, &data.poses);
+                let embeddings = embed_samples(&chain, &data.poses, rows);
                 let row = |i: usize| &embeddings[i * length..(i + 1) * length];
                 Matrix::new(samples, |i, j| squared_distance(row(i), row(j)))
             })
@@ -270,9 +320,9 @@ impl Distances {
         Distances { samples, own, summed }
     }
 
-    fn own_system(&self, arm: usize, rows: &[usize], scales: &Scales) -> Matrix {
+    fn own_system(&self, limb: usize, rows: &[usize], scales: &Scales) -> Matrix {
         let ridge = |i, j| if i == j { scales.ridge } else { 0.0 };
-        let own = &self.own[arm];
+        let own = &self.own[limb];
         Matrix::new(rows.len(), |i, j| inverse_multiquadric(own.at(rows[i], rows[j])) + ridge(i, j))
     }
 
@@ -280,11 +330,11 @@ impl Distances {
         Matrix::new(rows.len(), |i, j| wendland(self.summed.at(rows[i], rows[j]), scales.joint_width))
     }
 
-    /// Per arm the rates of `rows` at the pose of `query`; `None` where the system is singular.
+    /// Per limb the rates of `rows` at the pose of `query`; `None` where the system is singular.
     fn rates(&self, rows: &[usize], query: usize, scales: &Scales) -> Vec<Option<Vec<f64>>> {
         let psi: Vec<f64> = rows.iter().map(|&row| wendland(self.summed.at(query, row), scales.joint_width)).collect();
         let joint = self.joint_system(rows, scales).solve(&psi);
-        let arm = |(number, own): (usize, &Matrix)| {
+        let limb = |(number, own): (usize, &Matrix)| {
             let phi: Vec<f64> = rows.iter().map(|&row| inverse_multiquadric(own.at(query, row))).collect();
             let system = self.own_system(number, rows, scales);
             // As in `interpolate`: φ (K + ridge)⁻¹ + ψ J⁻¹ ridge (K + ridge)⁻¹ with symmetric J and K.
@@ -292,7 +342,7 @@ impl Distances {
             let both: Vec<f64> = phi.iter().zip(joint).map(|(phi, joint)| phi + scales.ridge * joint).collect();
             system.solve(&both)
         };
-        self.own.iter().enumerate().map(arm).collect()
+        self.own.iter().enumerate().map(limb).collect()
     }
 
     fn nearest_pair(&self) -> (usize, usize) {
@@ -300,9 +350,15 @@ impl Distances {
         pairs.min_by(|&(a, b), &(c, d)| self.summed.at(a, b).total_cmp(&self.summed.at(c, d))).unwrap_or((0, 0))
     }
 
-    /// Somewhat farther than the largest distance of a sample to its nearest other pose in any one arm, so that the
+    /// Somewhat farther than the largest distance of a sample to its nearest other pose in any one limb, so that the
     /// samples hold hands. The factor is the smallest that left the leave-one-out error of the sample kimono as it was.
-    fn reach(&self) -> f64 {
+    ///
+    /// Limbs that are kept within what the samples reach are never far from them: there nothing fades.
+    fn reach(&self, is_limited: bool) -> f64 {
+        if is_limited {
+            let apart = self.own.iter().flat_map(|own| &own.rows).copied();
+            return 2.0 * apart.filter(|&squared| squared > 1e-6).max_by(f64::total_cmp).unwrap_or(1.0).sqrt();
+        }
         let apart = |own: &Matrix, a: usize| {
             let others = (0..self.samples).map(|b| own.at(a, b)).filter(|&squared| squared > 1e-6);
             others.min_by(f64::total_cmp)
@@ -312,14 +368,14 @@ impl Distances {
     }
 }
 
-/// Inner products of the samples' deltas over the cloth that an arm owns, m² per vertex of the garment.
-fn products(data: &GarmentData, arm: &Arm) -> Matrix {
-    let samples = data.targets.len() + 1;
+/// Inner products of the samples' deltas over the cloth that a limb owns, m² per vertex of the garment.
+fn products(data: &GarmentData, rows: &[usize], limb: &Limb) -> Matrix {
+    let samples = rows.len();
     let mut sums = vec![0.0f64; samples * samples];
-    let mut first_delta = vec![0usize; data.targets.len()];
+    let mut first_delta = vec![0usize; samples];
     for (number, segment) in data.segments.iter().enumerate() {
         let columns: Vec<usize> =
-            (0..segment.drivers.len()).filter(|&c| arm.drivers.contains(&segment.drivers[c])).collect();
+            (0..segment.drivers.len()).filter(|&c| limb.drivers.contains(&segment.drivers[c])).collect();
         let share = |v: usize| match segment.masks.chunks_exact(segment.drivers.len().max(1)).nth(v) {
             Some(row) => columns.iter().map(|&c| f64::from(row[c])).sum::<f64>() / f64::from(u16::MAX),
             None => {
@@ -333,10 +389,11 @@ fn products(data: &GarmentData, arm: &Arm) -> Matrix {
         let count = segment.vertex_count as usize;
         let shares: Vec<f64> = (0..count).map(share).collect();
         let mut moving: Vec<(usize, f64, &[[i16; 3]])> = Vec::new();
-        for (t, target) in data.targets.iter().enumerate() {
+        for (sample, &row) in rows.iter().enumerate().skip(1) {
+            let target = &data.targets[row - 1];
             if target.segments.contains(&(number as u16)) {
-                moving.push((t + 1, f64::from(target.step_m), &target.deltas[first_delta[t]..][..count]));
-                first_delta[t] += count;
+                moving.push((sample, f64::from(target.step_m), &target.deltas[first_delta[sample]..][..count]));
+                first_delta[sample] += count;
             }
         }
         for (at, &(i, step_i, a)) in moving.iter().enumerate() {

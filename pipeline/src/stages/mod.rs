@@ -7,6 +7,8 @@ mod error;
 pub mod fit_data;
 pub mod kernel;
 mod laplacian;
+pub(crate) mod numbers;
+pub mod reach;
 pub mod regions;
 pub mod skin;
 mod weights;

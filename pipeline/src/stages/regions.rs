@@ -7,9 +7,10 @@ use crate::stages::weights::{WHOLE, shares};
 use glam::{Quat, Vec3};
 use kitsuke::skeleton::Bone;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Counts up whenever the same input gives other masks.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// How regions grow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +30,9 @@ impl Default for Settings {
     }
 }
 
-/// Masks in 1/65535, one row of `drivers.len()` per vertex of the base. Grown rows sum to the whole everywhere, so that
-/// a target at full rate in all drivers is reproduced; painted rows are as painted, scaled down where they sum to more.
+/// Masks in 1/65535, one row of `drivers.len()` per vertex of the base. What the drivers of one layer have in a grown row sums to
+/// the whole everywhere, so that a target at full rate in all of them is reproduced; painted rows are as painted, scaled down
+/// where a layer's sum to more.
 ///
 /// # Errors
 /// When the masks cannot be smoothed.
@@ -44,28 +46,42 @@ pub fn regions(
     settings: &Settings,
 ) -> Result<Vec<u16>, StageError> {
     match how {
-        ir::Regions::Painted(masks) => Ok(painted(masks, base.positions_m.len())),
-        ir::Regions::Auto => grown(base, &angles(drivers, bones, targets), deltas, settings),
+        ir::Regions::Painted(masks) => Ok(painted(masks, drivers, base.positions_m.len())),
+        ir::Regions::Auto => {
+            let mut all = vec![0; base.positions_m.len() * drivers.len()];
+            let layers = drivers.iter().map(|driver| driver.layer).collect::<BTreeSet<_>>();
+            for layer in layers {
+                let places: Vec<usize> = (0..drivers.len()).filter(|&d| drivers[d].layer == layer).collect();
+                let of_layer: Vec<usize> = (0..targets.len()).filter(|&t| targets[t].layer == layer).collect();
+                let turned: Vec<&TargetShape> = of_layer.iter().map(|&target| &targets[target]).collect();
+                let moved: Vec<&[Vec3]> = of_layer.iter().map(|&target| deltas[target].as_slice()).collect();
+                let angles = angles(places.iter().map(|&place| &drivers[place]), bones, &turned);
+                let grown = grown(base, &angles, &moved, settings)?;
+                for (row, grown) in all.chunks_mut(drivers.len()).zip(grown.chunks(places.len())) {
+                    places.iter().zip(grown).for_each(|(&place, &mask)| row[place] = mask);
+                }
+            }
+            Ok(all)
+        }
     }
 }
 
-/// Masks as painted, rounded down, so that a row never sums to more than the whole.
-fn painted(masks: &[Vec<f32>], vertex_count: usize) -> Vec<u16> {
+/// Masks as painted, rounded down, so that no layer's sum in a row is more than the whole.
+fn painted(masks: &[Vec<f32>], drivers: &[Driver], vertex_count: usize) -> Vec<u16> {
     let row = |v: usize| {
-        let sum: f64 = masks.iter().map(|mask| f64::from(mask[v])).sum();
-        masks.iter().map(move |mask| (f64::from(mask[v]) / sum.max(1.0) * f64::from(WHOLE)) as u16)
+        let sum = |layer: u8| -> f64 {
+            let of_layer = masks.iter().zip(drivers).filter(|(_, driver)| driver.layer == layer);
+            of_layer.map(|(mask, _)| f64::from(mask[v])).sum()
+        };
+        let share = |(mask, driver): (&Vec<f32>, &Driver)| f64::from(mask[v]) / sum(driver.layer).max(1.0);
+        masks.iter().zip(drivers).map(|both| (share(both) * f64::from(WHOLE)) as u16).collect::<Vec<_>>()
     };
     (0..vertex_count).flat_map(row).collect()
 }
 
 /// Asks of every vertex which driver's turning explains its movement, then smooths the answers over the cloth and
 /// carries them to where hardly anything moves.
-fn grown(
-    base: &Surface,
-    angles: &[Vec<f64>],
-    deltas: &[Vec<Vec3>],
-    settings: &Settings,
-) -> Result<Vec<u16>, StageError> {
+fn grown(base: &Surface, angles: &[Vec<f64>], deltas: &[&[Vec3]], settings: &Settings) -> Result<Vec<u16>, StageError> {
     let vertex_count = base.positions_m.len();
     let driver_count = angles.len();
     let influences: Vec<Vec<f64>> = (0..vertex_count)
@@ -113,12 +129,12 @@ fn grown(
 }
 
 /// Per driver and target how far its joints turn from the T-pose, radians: the root of the sum of the squared angles.
-fn angles(drivers: &[Driver], bones: &[Bone], targets: &[TargetShape]) -> Vec<Vec<f64>> {
+fn angles<'a>(drivers: impl Iterator<Item = &'a Driver>, bones: &[Bone], targets: &[&TargetShape]) -> Vec<Vec<f64>> {
     let of_target = |driver: &Driver, target: &TargetShape| {
         let turned = bones.iter().zip(&target.rotations).filter(|(bone, _)| driver.joints.contains(bone));
         turned.map(|(_, &rotation)| angle_rad(rotation).powi(2)).sum::<f64>().sqrt()
     };
-    drivers.iter().map(|driver| targets.iter().map(|target| of_target(driver, target)).collect()).collect()
+    drivers.map(|driver| targets.iter().map(|target| of_target(driver, target)).collect()).collect()
 }
 
 fn angle_rad(rotation: Quat) -> f64 {
@@ -183,13 +199,15 @@ pub fn remainders(
     targets: &[TargetShape],
     deltas: &[Vec<Vec3>],
 ) -> Vec<Remainder> {
-    let missing: Vec<f32> = masks.chunks(drivers.len().max(1)).map(missing_share).collect();
-    let angles = angles(drivers, bones, targets);
+    let shapes: Vec<&TargetShape> = targets.iter().collect();
+    let angles = angles(drivers.iter(), bones, &shapes);
     let mut worst: Vec<Remainder> = Vec::new();
     for (driver, angles) in drivers.iter().zip(&angles) {
-        let turning = targets.iter().zip(deltas).zip(angles).filter(|&(_, &angle)| angle > 1e-6);
+        let missing = missing_shares(masks, drivers, driver.layer);
+        let is_turning = |target: &TargetShape, angle: f64| target.layer == driver.layer && angle > 1e-6;
+        let turning = targets.iter().zip(deltas).zip(angles).filter(|((target, _), angle)| is_turning(target, **angle));
         let losses = turning.flat_map(|((target, deltas), _)| {
-            let lost_m = deltas.iter().zip(&missing).map(|(delta, missing)| missing * delta.length());
+            let lost_m = deltas.iter().zip(missing.clone()).map(|(delta, missing)| missing * delta.length());
             lost_m.enumerate().map(move |(vertex, lost_m)| (lost_m, vertex, target))
         });
         if let Some((lost_m, vertex, target)) = losses.max_by(|a, b| a.0.total_cmp(&b.0))
@@ -201,9 +219,13 @@ pub fn remainders(
     worst
 }
 
-/// How much of a vertex no driver owns, 0 to 1.
-pub(crate) fn missing_share(row: &[u16]) -> f32 {
-    1.0 - row.iter().map(|&mask| f32::from(mask)).sum::<f32>() / f32::from(WHOLE)
+/// How much of each vertex no driver of a layer owns, 0 to 1.
+pub(crate) fn missing_shares(masks: &[u16], drivers: &[Driver], layer: u8) -> Vec<f32> {
+    let missing = |row: &[u16]| {
+        let of_layer = row.iter().zip(drivers).filter(|(_, driver)| driver.layer == layer);
+        1.0 - of_layer.map(|(&mask, _)| f32::from(mask)).sum::<f32>() / f32::from(WHOLE)
+    };
+    masks.chunks(drivers.len().max(1)).map(missing).collect()
 }
 
 #[cfg(test)]
@@ -236,13 +258,19 @@ mod tests {
             (0..2 * n).map(|v| Vec3::new(0.02 * (v / 2) as f32, 0.02 * (v % 2) as f32, 0.0)).collect();
         let triangles = (0..2 * n as u32 - 2).map(|v| [v, v + 1, v + 2]).collect();
         let base = Surface { positions_m, triangles, ..Surface::default() };
-        let driver =
-            |name: &str, bone| Driver { name: name.into(), group: name.into(), joints: vec![bone], threshold_rad: 1.0 };
+        let driver = |name: &str, bone| Driver {
+            name: name.into(),
+            group: name.into(),
+            joints: vec![bone],
+            threshold_rad: 1.0,
+            layer: 0,
+        };
         let drivers = vec![driver("left", Bone::LeftUpperArm), driver("right", Bone::RightUpperArm)];
         let turn = Quat::from_rotation_z(1.0);
         let target = |rotations| TargetShape {
             name: "t".into(),
             file: "t.obj".into(),
+            layer: 0,
             rotations,
             positions_m: base.positions_m.clone(),
         };

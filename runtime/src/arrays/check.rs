@@ -1,6 +1,6 @@
 //! The one check of a garment's arrays: after it nothing that evaluation does can fail or index out of bounds.
 
-use super::{Certificate, ChainJoint, GarmentData, Mesh, PoseTable, limits};
+use super::{Certificate, GarmentData, Group, Mesh, PoseTable, RbfLayer, limits};
 use crate::skeleton::{Bone, SkeletonError};
 use glam::{Quat, Vec2, Vec3};
 use std::collections::BTreeSet;
@@ -102,6 +102,21 @@ pub enum InvalidGarment {
     /// A driver has no joints, or the same one twice, or one that the pose table does not give.
     #[error("the joints of driver {0} must be distinct bones of the pose table, at least one")]
     DriverJoints(usize),
+    /// The layers of the drivers are not numbered from 0 without gaps.
+    #[error("the layers of the drivers must be numbered from 0 without gaps")]
+    Layers,
+    /// A target's layer has no driver.
+    #[error("target {0} belongs to a layer that no driver belongs to")]
+    TargetLayer(usize),
+    /// A pose limit has no joints, or the same one twice, or one that the pose table does not give.
+    #[error("the joints of pose limit {0} must be distinct bones of the pose table")]
+    LimitJoints(usize),
+    /// The margin of a pose limit is out of range.
+    #[error("the margin of pose limit {0} must be above 0 and at most π")]
+    LimitMargin(usize),
+    /// A bound of a pose limit has no unit normal of three numbers per joint, or lies out of range.
+    #[error("the bounds of pose limit {0} must have unit normals of three numbers per joint and lie within 0 to {max}", max = limits::BOUND_RAD)]
+    LimitBound(usize),
     /// A driver's threshold is out of range.
     #[error("the threshold of driver {0} must be above 0 and at most π times the root of its joint count")]
     DriverThreshold(usize),
@@ -201,6 +216,7 @@ impl GarmentData {
         check_segments(self)?;
         check_targets(self)?;
         check_poses(self)?;
+        check_pose_limits(self)?;
         check_rbf(self)?;
         check_certificate(self)?;
         check_texts(self)
@@ -279,6 +295,10 @@ fn check_drivers(data: &GarmentData) -> Result<(), InvalidGarment> {
             return Err(InvalidGarment::DriverThreshold(i));
         }
     }
+    let layers: BTreeSet<u8> = data.drivers.iter().map(|driver| driver.layer).collect();
+    if layers.len() != data.layer_count() {
+        return Err(InvalidGarment::Layers);
+    }
     Ok(())
 }
 
@@ -300,8 +320,11 @@ fn check_segments(data: &GarmentData) -> Result<(), InvalidGarment> {
             return Err(InvalidGarment::SegmentMasks { segment: i, length, expected });
         }
         for (row, masks) in segment.masks.chunks_exact(columns.max(1)).enumerate() {
-            let sum = masks.iter().map(|&mask| u32::from(mask)).sum();
-            if sum > u32::from(u16::MAX) {
+            let mut sums = [0u32; limits::DRIVERS];
+            for (&driver, &mask) in segment.drivers.iter().zip(masks) {
+                sums[usize::from(data.drivers[usize::from(driver)].layer)] += u32::from(mask);
+            }
+            if let Some(&sum) = sums.iter().find(|&&sum| sum > u32::from(u16::MAX)) {
                 return Err(InvalidGarment::MaskSum { segment: i, row, sum });
             }
         }
@@ -314,6 +337,10 @@ fn check_targets(data: &GarmentData) -> Result<(), InvalidGarment> {
     for (i, target) in data.targets.iter().enumerate() {
         if !(target.step_m > 0.0 && target.step_m * f32::from(i16::MAX) <= limits::EXTENT_M) {
             return Err(InvalidGarment::TargetStep(i));
+        }
+        // Without drivers nothing moves, and there is one layer that nobody drives.
+        if usize::from(target.layer) >= data.layer_count().max(1) {
+            return Err(InvalidGarment::TargetLayer(i));
         }
         let exist = target.segments.iter().all(|&segment| usize::from(segment) < data.segments.len());
         if !exist || !ascend(&target.segments) {
@@ -344,45 +371,81 @@ fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
     Ok(())
 }
 
+fn check_pose_limits(data: &GarmentData) -> Result<(), InvalidGarment> {
+    check_count("pose limits", data.pose_limits.len(), 0, limits::POSE_LIMITS)?;
+    for (i, limit) in data.pose_limits.iter().enumerate() {
+        let distinct: BTreeSet<Bone> = limit.bones.iter().copied().collect();
+        let given = limit.bones.iter().all(|bone| data.poses.bones.contains(bone));
+        check_count("joints of a pose limit", distinct.len(), 1, limits::LIMIT_JOINTS)?;
+        if distinct.len() != limit.bones.len() || !given {
+            return Err(InvalidGarment::LimitJoints(i));
+        }
+        if !(limit.margin_rad > 0.0 && limit.margin_rad <= PI) {
+            return Err(InvalidGarment::LimitMargin(i));
+        }
+        check_count("bounds of a pose limit", limit.bounds.len(), 0, limits::LIMIT_BOUNDS)?;
+        for bound in &limit.bounds {
+            let length_squared: f32 = bound.normal.iter().map(|x| x * x).sum();
+            let is_unit = bound.normal.len() == 3 * limit.bones.len() && (length_squared - 1.0).abs() <= 1e-3;
+            if !(is_unit && (0.0..=limits::BOUND_RAD).contains(&bound.most_rad)) {
+                return Err(InvalidGarment::LimitBound(i));
+            }
+        }
+    }
+    Ok(())
+}
+
 fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     let Some(rbf) = &data.rbf else { return Ok(()) };
-    let usable = |width: f64| width > 1e-9 && width <= limits::RBF_WIDTH;
-    if ![rbf.joint_width, rbf.reach, rbf.ridge].into_iter().all(usable) {
-        return Err(InvalidGarment::RbfWidth);
-    }
-    check_count("groups", rbf.groups.len(), 1, limits::DRIVERS)?;
+    check_length("layers of the default kernel", rbf.layers.len(), data.layer_count())?;
     let mut owned = vec![false; data.drivers.len()];
-    for (i, group) in rbf.groups.iter().enumerate() {
-        for &driver in &group.drivers {
-            match owned.get_mut(usize::from(driver)) {
-                Some(owned @ false) => *owned = true,
-                _ => return Err(InvalidGarment::GroupDriver { group: i, driver }),
-            }
+    let mut number = 0;
+    for (layer, RbfLayer { groups, joint_width, reach, ridge }) in rbf.layers.iter().enumerate() {
+        let usable = |width: &f64| *width > 1e-9 && *width <= limits::RBF_WIDTH;
+        if ![joint_width, reach, ridge].into_iter().all(usable) {
+            return Err(InvalidGarment::RbfWidth);
         }
-        check_count("joints in a chain", group.chain.len(), 1, limits::CHAIN)?;
-        let distinct: BTreeSet<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
-        let scale = |scale: f64| (0.0..=limits::RBF_WIDTH).contains(&scale);
-        let sound = |joint: &ChainJoint| {
-            data.poses.bones.contains(&joint.bone)
-                && (joint.axis.length() - 1.0).abs() <= 1e-6
-                && scale(joint.swing)
-                && scale(joint.twist)
-        };
-        if distinct.len() != group.chain.len() || !group.chain.iter().all(sound) {
-            return Err(InvalidGarment::GroupChain(i));
-        }
-        let expected = (data.targets.len() + 1) * data.targets.len();
-        for coefficients in [&group.own, &group.joint] {
-            check_length("coefficients of a group", coefficients.len(), expected)?;
-            if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
-                return Err(InvalidGarment::GroupCoefficient(i));
+        check_count("groups", groups.len(), 1, limits::DRIVERS)?;
+        for group in groups {
+            for &driver in &group.drivers {
+                let is_of_layer = data.drivers.get(usize::from(driver)).is_some_and(|d| usize::from(d.layer) == layer);
+                match owned.get_mut(usize::from(driver)) {
+                    Some(owned @ false) if is_of_layer => *owned = true,
+                    _ => return Err(InvalidGarment::GroupDriver { group: number, driver }),
+                }
             }
+            check_chain(group, number, &data.poses)?;
+            let targets = data.targets_of_layer(layer).count();
+            for coefficients in [&group.own, &group.joint] {
+                check_length("coefficients of a group", coefficients.len(), (targets + 1) * targets)?;
+                if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
+                    return Err(InvalidGarment::GroupCoefficient(number));
+                }
+            }
+            number += 1;
         }
     }
     match owned.iter().position(|&owned| !owned) {
         Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
         None => Ok(()),
     }
+}
+
+fn check_chain(group: &Group, number: usize, poses: &PoseTable) -> Result<(), InvalidGarment> {
+    check_count("joints in a chain", group.chain.len(), 1, limits::CHAIN)?;
+    let distinct: BTreeSet<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
+    let scale = |scale: f64| (0.0..=limits::RBF_WIDTH).contains(&scale);
+    for (place, joint) in group.chain.iter().enumerate() {
+        let sound = poses.bones.contains(&joint.bone)
+            && joint.parent.is_none_or(|parent| usize::from(parent) < place)
+            && (joint.axis.length() - 1.0).abs() <= 1e-6
+            && scale(joint.swing)
+            && scale(joint.twist);
+        if distinct.len() != group.chain.len() || !sound {
+            return Err(InvalidGarment::GroupChain(number));
+        }
+    }
+    Ok(())
 }
 
 fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {
@@ -411,7 +474,7 @@ fn check_texts(data: &GarmentData) -> Result<(), InvalidGarment> {
         return Err(InvalidGarment::GarmentName);
     }
     check_names("part", data.mesh.parts.iter().map(|part| part.name.as_str()))?;
-    let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
+    let groups = data.rbf.iter().flat_map(|rbf| &rbf.layers).flat_map(|layer| &layer.groups);
     check_names("group", groups.map(|group| group.name.as_str()))?;
     check_names("driver", data.drivers.iter().map(|driver| driver.name.as_str()))?;
     check_names("target", data.targets.iter().map(|target| target.name.as_str()))

@@ -23,6 +23,14 @@ pub mod limits {
     pub const TARGETS: usize = 4096;
     /// Most drivers, each with its region.
     pub const DRIVERS: usize = 32;
+    /// Most pose limits.
+    pub const POSE_LIMITS: usize = 8;
+    /// Most joints of a pose limit.
+    pub const LIMIT_JOINTS: usize = 8;
+    /// Farthest bound of a pose limit, radians.
+    pub const BOUND_RAD: f32 = 100.0;
+    /// Most bounds of a pose limit.
+    pub const LIMIT_BOUNDS: usize = 1024;
     /// Most segments of the vertex order.
     pub const SEGMENTS: usize = 4096;
     /// Most parts.
@@ -90,6 +98,11 @@ pub struct Driver {
     pub joints: Vec<Bone>,
     /// c_j of the paper: samples farther than this are not similar. Radians, above 0.
     pub threshold_rad: f32,
+    /// Which layer it belongs to. Layers are numbered from 0 without gaps.
+    ///
+    /// Layers *add*: the drivers of a layer choose among the targets of the same layer and move nothing else, so a pose of arms and legs is
+    /// what the arms' layer makes of it plus what the legs' layer makes of it.
+    pub layer: u8,
 }
 
 /// A run of vertices that the same regions cover.
@@ -99,7 +112,7 @@ pub struct Segment {
     pub vertex_count: u32,
     /// The drivers whose regions cover these vertices, ascending; none where no target moves the cloth.
     pub drivers: Vec<u8>,
-    /// Region masks in 1/65535, `vertex_count` rows of `drivers.len()`; a row sums to at most 65535.
+    /// Region masks in 1/65535, `vertex_count` rows of `drivers.len()`; what one layer's drivers have in a row sums to at most 65535.
     /// Empty when the one driver owns every vertex wholly.
     pub masks: Vec<u16>,
 }
@@ -109,6 +122,8 @@ pub struct Segment {
 pub struct Target {
     /// For example `a_pose_45`.
     pub name: String,
+    /// The layer whose drivers it answers to.
+    pub layer: u8,
     /// Metres per unit of `deltas`; above 0.
     pub step_m: f32,
     /// The segments that this target moves, ascending.
@@ -167,10 +182,46 @@ pub struct GarmentData {
     pub targets: Vec<Target>,
     /// The poses of base and targets.
     pub poses: PoseTable,
+    /// What the kimono allows its wearer.
+    pub pose_limits: Vec<PoseLimit>,
     /// The default kernel; without it the paper's is used.
     pub rbf: Option<Rbf>,
     /// What was measured of the blending when the pack was built.
     pub certificate: Option<Certificate>,
+}
+
+impl GarmentData {
+    /// How many layers the drivers form.
+    #[must_use]
+    pub fn layer_count(&self) -> usize {
+        self.drivers.iter().map(|driver| usize::from(driver.layer) + 1).max().unwrap_or(0)
+    }
+
+    /// The numbers of a layer's targets, ascending.
+    pub fn targets_of_layer(&self, layer: usize) -> impl Iterator<Item = usize> {
+        self.targets.iter().enumerate().filter(move |(_, target)| usize::from(target.layer) == layer).map(|(i, _)| i)
+    }
+}
+
+/// Joints that a kimono keeps from turning farther than its samples do: a skirt stops a stride.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseLimit {
+    /// The joints, which stand in the pose table.
+    pub bones: Vec<Bone>,
+    /// How far they may exceed a bound at most, radians; above 0.
+    pub margin_rad: f32,
+    /// What the samples reach; every sample keeps every bound.
+    pub bounds: Vec<PoseBound>,
+}
+
+/// The angles x of a limit's joints, three rotation-vector components for each in radians, keep it when `normal · x` is at most
+/// `most_rad`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseBound {
+    /// Three numbers per joint, together of length 1.
+    pub normal: Vec<f32>,
+    /// 0 or more, so that the T-pose keeps it.
+    pub most_rad: f32,
 }
 
 /// What a pack's blending promises between its samples, as measured when it was built. Rows are those of the pose
@@ -216,7 +267,14 @@ pub struct NearestPair {
 /// The default kernel of a garment, as the pipeline fitted it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rbf {
-    /// Drivers that blend together; every driver is in exactly one group.
+    /// One per layer.
+    pub layers: Vec<RbfLayer>,
+}
+
+/// The default kernel among the samples of one layer: the base, then the layer's targets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RbfLayer {
+    /// Drivers that blend together; every driver of the layer is in exactly one group.
     pub groups: Vec<Group>,
     /// Distance over all groups beyond which a sample's correction ends; above 0.
     pub joint_width: f64,
@@ -235,7 +293,7 @@ pub struct Group {
     pub drivers: Vec<u8>,
     /// The joints that tell poses apart, from the trunk outward.
     pub chain: Vec<ChainJoint>,
-    /// Coefficients of φ: one row per sample (the base first), one column per target.
+    /// Coefficients of φ: one row per sample of the layer (the base first), one column per target of the layer.
     pub own: Vec<f64>,
     /// Coefficients of ψ, likewise.
     pub joint: Vec<f64>,
@@ -246,6 +304,8 @@ pub struct Group {
 pub struct ChainJoint {
     /// The bone that turns.
     pub bone: Bone,
+    /// The place in the chain, before this one, of the joint that carries it; `None`: the trunk does.
+    pub parent: Option<u8>,
     /// The bone's direction in the T-pose, unit length.
     pub axis: DVec3,
     /// Scale of the direction in which the bone points; 0 or more.

@@ -38,47 +38,42 @@ fn blend_segments(garment: &Garment, rates: &Rates, mut blended_m: &mut [f32]) {
     let data = garment.data();
     let mut base_m: &[f32] = bytemuck::cast_slice(&data.mesh.positions_m);
     let mut masks = garment.plan().masks.as_slice();
-    for (number, segment) in data.segments.iter().enumerate() {
+    for (segment, parts) in data.segments.iter().zip(&garment.plan().segments) {
         let floats = 3 * segment.vertex_count as usize;
         let (of_segment, rest) = blended_m.split_at_mut(floats);
         blended_m = rest;
         let base_of_segment = &base_m[..floats];
         base_m = &base_m[floats..];
-        let is_whole = garment.plan().is_whole[number];
         let of_segment_masks = &masks[..3 * segment.masks.len()];
         masks = &masks[of_segment_masks.len()..];
 
-        let pieces = garment.plan().pieces(number);
-        let shares = Shares::of(segment, rates);
-        let rates_of = |first: u8| rates.driver(usize::from(segment.drivers[usize::from(first)]));
-        let blocks = of_segment.chunks_mut(FLOATS).zip(base_of_segment.chunks(FLOATS)).enumerate();
-        for (block, (sums_m, base_m)) in blocks {
-            let rows = block * BLOCK..block * BLOCK + sums_m.len() / 3;
-            if let (true, [only]) = (is_whole, shares.firsts()) {
-                let mut moves_m = [0.0; FLOATS];
-                in_fours(data, pieces, &rows, [rates_of(*only)], |four| add_to_one(four, &mut moves_m));
-                for ((sum_m, base_m), move_m) in sums_m.iter_mut().zip(base_m).zip(&moves_m) {
-                    *sum_m = base_m + move_m;
+        of_segment.copy_from_slice(base_of_segment);
+        for part in parts {
+            let shares = Shares::of(segment, &part.columns, rates);
+            let rates_of = |first: u8| rates.driver(usize::from(segment.drivers[usize::from(first)]));
+            for (block, sums_m) in of_segment.chunks_mut(FLOATS).enumerate() {
+                let rows = block * BLOCK..block * BLOCK + sums_m.len() / 3;
+                if let (true, [only]) = (part.is_whole, shares.firsts()) {
+                    in_fours(data, &part.pieces, &rows, [rates_of(*only)], |four| add_to_one(four, sums_m));
+                    continue;
                 }
-                continue;
-            }
-            sums_m.copy_from_slice(base_m);
-            for pair in shares.firsts().chunks(2) {
-                let mut moves_m = [[0.0; FLOATS]; 2];
-                let [a_m, b_m] = &mut moves_m;
-                match *pair {
-                    [a, b] => {
-                        let rates = [rates_of(a), rates_of(b)];
-                        in_fours(data, pieces, &rows, rates, |four| add_to_two(four, a_m, b_m));
+                for pair in shares.firsts().chunks(2) {
+                    let mut moves_m = [[0.0; FLOATS]; 2];
+                    let [a_m, b_m] = &mut moves_m;
+                    match *pair {
+                        [a, b] => {
+                            let rates = [rates_of(a), rates_of(b)];
+                            in_fours(data, &part.pieces, &rows, rates, |four| add_to_two(four, a_m, b_m));
+                        }
+                        [a, ..] => in_fours(data, &part.pieces, &rows, [rates_of(a)], |four| add_to_one(four, a_m)),
+                        [] => unreachable!("chunks are not empty"),
                     }
-                    [a, ..] => in_fours(data, pieces, &rows, [rates_of(a)], |four| add_to_one(four, a_m)),
-                    [] => unreachable!("chunks are not empty"),
-                }
-                for (first, moves_m) in pair.iter().zip(&moves_m) {
-                    for column in shares.columns(*first) {
-                        let masks = &of_segment_masks[column * floats + 3 * rows.start..][..sums_m.len()];
-                        for ((sum_m, &mask), move_m) in sums_m.iter_mut().zip(masks).zip(moves_m) {
-                            *sum_m += f32::from(mask) * (1.0 / 65535.0) * move_m;
+                    for (first, moves_m) in pair.iter().zip(&moves_m) {
+                        for column in shares.columns(*first) {
+                            let masks = &of_segment_masks[column * floats + 3 * rows.start..][..sums_m.len()];
+                            for ((sum_m, &mask), move_m) in sums_m.iter_mut().zip(masks).zip(moves_m) {
+                                *sum_m += f32::from(mask) * (1.0 / 65535.0) * move_m;
+                            }
                         }
                     }
                 }
@@ -87,34 +82,30 @@ fn blend_segments(garment: &Garment, rates: &Rates, mut blended_m: &mut [f32]) {
     }
 }
 
-/// Which drivers of a segment have the same rates, for example because one group sets them: each delta is touched once
-/// for all of them.
-struct Shares {
-    /// For every driver of the segment the first one with the same rates.
+/// Which of a layer's drivers in a segment have the same rates, for example because one group sets them: each delta is
+/// touched once for all of them.
+struct Shares<'a> {
+    /// Columns of the layer's drivers.
+    columns: &'a [u8],
+    /// For each of them the first one with the same rates.
     first: [u8; limits::DRIVERS],
-    drivers: usize,
-    /// The drivers that are such firsts.
+    /// The columns that are such firsts.
     firsts: [u8; limits::DRIVERS],
     count: usize,
 }
 
-impl Shares {
-    fn of(segment: &Segment, rates: &Rates) -> Shares {
-        let mut shares = Shares {
-            first: [0; limits::DRIVERS],
-            drivers: segment.drivers.len(),
-            firsts: [0; limits::DRIVERS],
-            count: 0,
-        };
+impl Shares<'_> {
+    fn of<'a>(segment: &Segment, columns: &'a [u8], rates: &Rates) -> Shares<'a> {
+        let mut shares = Shares { columns, first: [0; limits::DRIVERS], firsts: [0; limits::DRIVERS], count: 0 };
         let rates_of = |column: u8| rates.driver(usize::from(segment.drivers[usize::from(column)]));
-        for column in 0..segment.drivers.len() as u8 {
+        for (place, &column) in columns.iter().enumerate() {
             let known = shares.firsts().iter().copied().find(|&first| rates_of(first) == rates_of(column));
             let first = known.unwrap_or(column);
             if first == column {
                 shares.firsts[shares.count] = column;
                 shares.count += 1;
             }
-            shares.first[usize::from(column)] = first;
+            shares.first[place] = first;
         }
         shares
     }
@@ -123,9 +114,10 @@ impl Shares {
         &self.firsts[..self.count]
     }
 
-    /// The drivers like this first one.
+    /// The columns of the drivers like this first one.
     fn columns(&self, first: u8) -> impl Iterator<Item = usize> {
-        (0..self.drivers).filter(move |&column| self.first[column] == first)
+        let alike = self.columns.iter().zip(&self.first).filter(move |(_, other)| **other == first);
+        alike.map(|(&column, _)| usize::from(column))
     }
 }
 
@@ -161,7 +153,7 @@ fn in_fours<const D: usize>(
 }
 
 #[inline(always)]
-fn add_to_one([a, b, c, d]: &[Term<1>; 4], sums_m: &mut [f32; FLOATS]) {
+fn add_to_one([a, b, c, d]: &[Term<1>; 4], sums_m: &mut [f32]) {
     let [[by_a], [by_b], [by_c], [by_d]] = [a.rates_m, b.rates_m, c.rates_m, d.rates_m];
     let deltas = a.deltas.iter().zip(b.deltas).zip(c.deltas.iter().zip(d.deltas));
     for (sum_m, ((&a, &b), (&c, &d))) in sums_m.iter_mut().zip(deltas) {
@@ -171,7 +163,7 @@ fn add_to_one([a, b, c, d]: &[Term<1>; 4], sums_m: &mut [f32; FLOATS]) {
 }
 
 #[inline(always)]
-fn add_to_two([a, b, c, d]: &[Term<2>; 4], first_m: &mut [f32; FLOATS], second_m: &mut [f32; FLOATS]) {
+fn add_to_two([a, b, c, d]: &[Term<2>; 4], first_m: &mut [f32], second_m: &mut [f32]) {
     let [by_a, by_b, by_c, by_d] = [a.rates_m, b.rates_m, c.rates_m, d.rates_m];
     let deltas = a.deltas.iter().zip(b.deltas).zip(c.deltas.iter().zip(d.deltas));
     for ((first_m, second_m), ((&a, &b), (&c, &d))) in first_m.iter_mut().zip(second_m).zip(deltas) {

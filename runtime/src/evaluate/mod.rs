@@ -14,6 +14,7 @@ pub use blend::blend;
 pub use skin::skin;
 
 use crate::garment::Garment;
+use crate::plan::{LayerPart, Piece};
 use crate::pose_blend::Rates;
 use crate::skeleton::Pose;
 use glam::{Affine3A, Vec3};
@@ -126,13 +127,14 @@ pub fn twins(garment: &Garment, frame: Frame<'_>) {
 #[must_use]
 pub fn bytes_touched(garment: &Garment, rates: &Rates) -> usize {
     let data = garment.data();
-    let (mesh, segments) = (&data.mesh, data.segments.iter().enumerate());
-    let blended = segments.map(|(number, segment)| {
+    let (mesh, segments) = (&data.mesh, data.segments.iter().zip(&garment.plan().segments));
+    let blended = segments.map(|(segment, parts)| {
         let count = segment.vertex_count as usize;
-        let active = garment.plan().pieces(number).iter().filter(|piece| {
-            let rate = |&driver: &u8| rates.driver(usize::from(driver))[usize::from(piece.target)];
-            segment.drivers.iter().any(|driver| rate(driver) != 0.0)
-        });
+        let is_active = |part: &LayerPart, piece: &Piece| {
+            let driver = |column: &u8| usize::from(segment.drivers[usize::from(*column)]);
+            part.columns.iter().any(|column| rates.driver(driver(column))[usize::from(piece.target)] != 0.0)
+        };
+        let active = parts.iter().flat_map(|part| part.pieces.iter().filter(move |piece| is_active(part, piece)));
         active.count() * count * size_of::<[i16; 3]>() + size_of_val(segment.masks.as_slice())
     });
     let plan = garment.plan();
@@ -158,7 +160,7 @@ mod tests {
 
     #[test]
     fn vector_instructions_change_no_bit() {
-        let pack = Pack::open(include_bytes!("../../../tests/packs/v1.kitsuke")).unwrap();
+        let pack = Pack::open(include_bytes!("../../../tests/packs/v3_0.kitsuke")).unwrap();
         let garment = pack.garment();
         let pose = Pose::REST.with(Bone::LeftUpperArm, Quat::from_rotation_z(-0.8));
         let mut rates = Rates::new(garment.data());

@@ -7,8 +7,8 @@
 //! number of decimals d when all of them are the `f32` nearest to n / 10^d for whole n of 32 bits, which are then the
 //! values (numbers from text files are of this kind); or 255, and the values are the numbers' bits.
 
+use super::ContentProblem;
 use super::rans::{self, RUN};
-use super::{ContentProblem, v1};
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -19,20 +19,14 @@ pub const LZ4_EXPANSION: usize = 255;
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
-    major: u16,
     /// Bytes that coded arrays may still decode to.
     allowed: usize,
 }
 
 impl<'a> Reader<'a> {
-    /// Of a section of this major version of the format. Coded arrays may decode to `allowed` bytes.
-    pub(super) fn new(bytes: &'a [u8], major: u16, allowed: usize) -> Reader<'a> {
-        Reader { bytes, at: 0, major, allowed }
-    }
-
-    /// Whether version 1 wrote this.
-    pub(super) fn is_version_1(&self) -> bool {
-        self.major == v1::MAJOR
+    /// Of a section. Coded arrays may decode to `allowed` bytes.
+    pub(super) fn new(bytes: &'a [u8], allowed: usize) -> Reader<'a> {
+        Reader { bytes, at: 0, allowed }
     }
 
     /// How many bytes coded arrays may still decode to.
@@ -126,9 +120,6 @@ impl<'a> Reader<'a> {
 
     /// A column of values of `WIDTH` bytes each.
     pub(super) fn column<const WIDTH: usize>(&mut self, count: usize) -> Result<Column, ContentProblem> {
-        if self.is_version_1() {
-            return Ok(v1::column(self, WIDTH, count)?.into_iter());
-        }
         self.allow(count.saturating_mul(WIDTH))?;
         let mut values = vec![0; count];
         let mut runs = rans::Decoder::read(self)?;
@@ -149,7 +140,7 @@ impl<'a> Reader<'a> {
         &mut self,
         count: usize,
     ) -> Result<[impl ExactSizeIterator<Item = f32> + use<N>; N], ContentProblem> {
-        let decimals = if self.is_version_1() { BITS } else { self.u8()? };
+        let decimals = self.u8()?;
         let scale = match decimals {
             BITS => None,
             decimals if usize::from(decimals) < POWERS.len() => Some(POWERS[usize::from(decimals)]),
@@ -334,7 +325,7 @@ mod tests {
     use super::*;
 
     fn reading(bytes: &[u8]) -> Reader<'_> {
-        Reader::new(bytes, super::super::layout::MAJOR, 1 << 20)
+        Reader::new(bytes, 1 << 20)
     }
 
     fn column<const WIDTH: usize>(values: &[u32]) -> Vec<u8> {

@@ -1,4 +1,4 @@
-//! The format of a pack, version 2.0. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 3.0. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -32,10 +32,9 @@
 //! multiple of [`ALIGNMENT`] after the end of the one before (of the header, for the first), the bytes between are 0,
 //! and the last one ends the pack.
 //!
-//! A reader of 2.x reads every pack of versions 1 and 2: later minor versions may add sections, which older readers skip,
-//! and change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of later
-//! major versions are refused. In packs of version 1 the same sections hold the same fields; columns, floating-point numbers
-//! and deltas are coded as `v1.rs` says.
+//! A reader of 3.x reads every pack of version 3: later minor versions may add sections, which older readers skip,
+//! and change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of other
+//! major versions are refused.
 //!
 //! # Sections
 //! All of them must be there, but for those marked optional. Their contents, field after field; "per x" repeats what follows the colon:
@@ -46,10 +45,10 @@
 //! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
 //! | `MESH` | x, y, z of the positions, `floats(v)`; `flag` has uv; u, v, `floats(v + w)` if so, else `floats(0)`; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
 //! | `SKIN` | four `column(v)` of `u8` joints, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
-//! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32` |
+//! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` layer, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32`; `u8` pose limit count, per limit: `u8` joint count, per joint: `bone`, `f32` margin, `u16` bound count, per bound: 3 `f32` per joint normal, `f32` most |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
-//! | `TGTS` | per target: `text` name, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
-//! | `RBFS` | `flag` has a default kernel, and if so: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, 3 `f64` axis, `f64` swing, `f64` twist, then (k + 1) k `f64` own and as many joint coefficients |
+//! | `TGTS` | per target: `text` name, `u8` layer, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
+//! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), 3 `f64` axis, `f64` swing, `f64` twist, then (m + 1) m `f64` own and as many joint coefficients |
 //! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
@@ -63,11 +62,11 @@ pub(super) mod fit;
 
 use super::codec::{Column, Reader};
 use super::field::{self, Lower};
-use super::{ContentProblem, OpenError, v1};
+use super::{ContentProblem, OpenError};
 use crate::arrays::{
-    Certificate, Driver, LeftOut, Mesh, NearestPair, Part, PoseTable, Segment, SkinWeights, Target, limits,
+    Certificate, ChainJoint, Driver, Group, LeftOut, Mesh, NearestPair, Part, PoseBound, PoseLimit, PoseTable, Rbf,
+    RbfLayer, Segment, SkinWeights, Target, limits,
 };
-use crate::arrays::{ChainJoint, Group, Rbf};
 use crate::skeleton::{Bone, Joint, Skeleton};
 use glam::{DVec3, Quat, Vec2, Vec3};
 use std::fmt;
@@ -79,7 +78,7 @@ use {super::codec::Writer, crate::arrays::GarmentData};
 /// The first bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
-pub const MAJOR: u16 = 2;
+pub const MAJOR: u16 = 3;
 /// Grows when sections are added that older readers may skip.
 pub const MINOR: u16 = 0;
 /// Bytes before the section table.
@@ -166,9 +165,9 @@ pub(super) fn read_header(bytes: &[u8]) -> Result<((u16, u16), Vec<Entry>), Open
         return Err(OpenError::NotAPack);
     }
     let truncated = |_| OpenError::Header("it ends within the header");
-    let mut reader = Reader::new(&bytes[MAGIC.len()..], MAJOR, 0);
+    let mut reader = Reader::new(&bytes[MAGIC.len()..], 0);
     let (major, minor) = (reader.u16().map_err(truncated)?, reader.u16().map_err(truncated)?);
-    if !(v1::MAJOR..=MAJOR).contains(&major) {
+    if major != MAJOR {
         return Err(OpenError::Version { major, minor });
     }
     let sections = reader.u32().map_err(truncated)? as usize;
@@ -176,7 +175,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Result<((u16, u16), Vec<Entry>), Open
     if sections > SECTIONS {
         return Err(OpenError::Header("it has more sections than possible"));
     }
-    let mut table = Reader::new(reader.take(sections * ENTRY_BYTES).map_err(truncated)?, MAJOR, 0);
+    let mut table = Reader::new(reader.take(sections * ENTRY_BYTES).map_err(truncated)?, 0);
     let checked = MAGIC.len() + reader.at();
     if reader.u64().map_err(truncated)? != checksum(&bytes[..checked]) {
         return Err(OpenError::Header("its checksum does not match"));
@@ -348,31 +347,60 @@ pub(super) fn write_skin(skin: &[SkinWeights], to: &mut Writer) {
     }
 }
 
-pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<(Vec<Driver>, PoseTable), ContentProblem> {
+/// What the section `DRIV` holds.
+pub(super) type Poses = (Vec<Driver>, PoseTable, Vec<PoseLimit>);
+
+pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<Poses, ContentProblem> {
     let drivers = (0..info.drivers)
         .map(|_| {
-            let (name, threshold_rad) = (from.text()?, from.f32()?);
+            let (name, threshold_rad, layer) = (from.text()?, from.f32()?, from.u8()?);
             let joints = (0..from.u8()?).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
-            Ok(Driver { name, joints, threshold_rad })
+            Ok(Driver { name, joints, threshold_rad, layer })
         })
         .collect::<Result<_, _>>()?;
     let bones = (0..info.pose_bones).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
     let rotations = (0..(info.targets + 1) * info.pose_bones)
         .map(|_| Ok(Quat::from_xyzw(from.f32()?, from.f32()?, from.f32()?, from.f32()?)))
         .collect::<Result<_, _>>()?;
-    Ok((drivers, PoseTable { bones, rotations }))
+    let pose_limits = (0..from.u8()?)
+        .map(|_| {
+            let bones = (0..from.u8()?).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
+            let (bones, margin_rad): (Vec<Bone>, f32) = (bones, from.f32()?);
+            let bounds = (0..from.u16()?)
+                .map(|_| {
+                    let normal = (0..3 * bones.len()).map(|_| from.f32()).collect::<Result<_, _>>()?;
+                    Ok(PoseBound { normal, most_rad: from.f32()? })
+                })
+                .collect::<Result<_, _>>()?;
+            Ok(PoseLimit { bones, margin_rad, bounds })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok((drivers, PoseTable { bones, rotations }, pose_limits))
 }
 
 #[cfg(feature = "write")]
-pub(super) fn write_drivers(drivers: &[Driver], poses: &PoseTable, to: &mut Writer) {
+pub(super) fn write_drivers(data: &GarmentData, to: &mut Writer) {
+    let GarmentData { drivers, poses, pose_limits, .. } = data;
     for driver in drivers {
         to.text(&driver.name);
         to.f32(driver.threshold_rad);
+        to.u8(driver.layer);
         to.u8(driver.joints.len() as u8);
         driver.joints.iter().for_each(|&bone| to.u8(bone as u8));
     }
     poses.bones.iter().for_each(|&bone| to.u8(bone as u8));
     poses.rotations.iter().flat_map(|rotation| rotation.to_array()).for_each(|component| to.f32(component));
+    to.u8(pose_limits.len() as u8);
+    for limit in pose_limits {
+        to.u8(limit.bones.len() as u8);
+        limit.bones.iter().for_each(|&bone| to.u8(bone as u8));
+        to.f32(limit.margin_rad);
+        to.u16(limit.bounds.len() as u16);
+        for bound in &limit.bounds {
+            bound.normal.iter().for_each(|&number| to.f32(number));
+            to.f32(bound.most_rad);
+        }
+    }
 }
 
 pub(super) fn read_segments(info: &Info, from: &mut Reader<'_>) -> Result<Vec<Segment>, ContentProblem> {
@@ -415,14 +443,11 @@ pub(super) fn read_targets(
 ) -> Result<Vec<Target>, ContentProblem> {
     let mut targets = (0..info.targets)
         .map(|_| {
-            let (name, step_m) = (from.text()?, from.f32()?);
+            let (name, layer, step_m) = (from.text()?, from.u8()?, from.f32()?);
             let segments = (0..from.u16()?).map(|_| from.u16()).collect::<Result<_, _>>()?;
-            Ok(Target { name, step_m, segments, deltas: Vec::new() })
+            Ok(Target { name, layer, step_m, segments, deltas: Vec::new() })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    if from.is_version_1() {
-        return v1::read_deltas(targets, segments, from);
-    }
     let mut moved: Vec<(usize, Vec<u16>)> =
         segments.iter().map(|segment| (segment.vertex_count as usize, Vec::new())).collect();
     let mut moving: Vec<&mut Target> = targets.iter_mut().filter(|target| !target.segments.is_empty()).collect();
@@ -448,6 +473,7 @@ pub(super) fn write_targets(data: &GarmentData, to: &mut Writer) {
     let GarmentData { mesh, segments, targets, .. } = data;
     for target in targets {
         to.text(&target.name);
+        to.u8(target.layer);
         to.f32(target.step_m);
         to.u16(target.segments.len() as u16);
         target.segments.iter().for_each(|&segment| to.u16(segment));
@@ -463,12 +489,25 @@ pub(super) fn write_targets(data: &GarmentData, to: &mut Writer) {
     field::write(&fields, &moved, &lower, &mesh.positions_m, to);
 }
 
-pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>, ContentProblem> {
+pub(super) fn read_rbf(
+    drivers: &[Driver],
+    targets: &[Target],
+    from: &mut Reader<'_>,
+) -> Result<Option<Rbf>, ContentProblem> {
     if !from.flag()? {
         return Ok(None);
     }
+    let layer_count = drivers.iter().map(|driver| usize::from(driver.layer) + 1).max().unwrap_or(0);
+    let layers = (0..layer_count).map(|layer| {
+        let of_layer = targets.iter().filter(|target| usize::from(target.layer) == layer).count();
+        read_rbf_layer(of_layer, from)
+    });
+    Ok(Some(Rbf { layers: layers.collect::<Result<_, _>>()? }))
+}
+
+fn read_rbf_layer(targets: usize, from: &mut Reader<'_>) -> Result<RbfLayer, ContentProblem> {
     let [joint_width, reach, ridge] = [from.f64()?, from.f64()?, from.f64()?];
-    let coefficients = (info.targets + 1) * info.targets;
+    let coefficients = (targets + 1) * targets;
     let groups = (0..from.u8()?)
         .map(|_| {
             let name = from.text()?;
@@ -480,33 +519,37 @@ pub(super) fn read_rbf(info: &Info, from: &mut Reader<'_>) -> Result<Option<Rbf>
             Ok(Group { name, drivers, chain, own, joint })
         })
         .collect::<Result<_, _>>()?;
-    Ok(Some(Rbf { groups, joint_width, reach, ridge }))
+    Ok(RbfLayer { groups, joint_width, reach, ridge })
 }
 
 fn read_chain_joint(from: &mut Reader<'_>) -> Result<ChainJoint, ContentProblem> {
     let bone = read_bone(from)?;
+    let parent = Some(from.u8()?).filter(|&parent| parent != NO_PARENT);
     let axis = DVec3::new(from.f64()?, from.f64()?, from.f64()?);
-    Ok(ChainJoint { bone, axis, swing: from.f64()?, twist: from.f64()? })
+    Ok(ChainJoint { bone, parent, axis, swing: from.f64()?, twist: from.f64()? })
 }
 
 #[cfg(feature = "write")]
 pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
     to.flag(rbf.is_some());
     let Some(rbf) = rbf else { return };
-    to.f64s(&[rbf.joint_width, rbf.reach, rbf.ridge]);
-    to.u8(rbf.groups.len() as u8);
-    for group in &rbf.groups {
-        to.text(&group.name);
-        to.u8(group.drivers.len() as u8);
-        to.take(&group.drivers);
-        to.u8(group.chain.len() as u8);
-        for joint in &group.chain {
-            to.u8(joint.bone as u8);
-            to.f64s(&joint.axis.to_array());
-            to.f64s(&[joint.swing, joint.twist]);
+    for RbfLayer { groups, joint_width, reach, ridge } in &rbf.layers {
+        to.f64s(&[*joint_width, *reach, *ridge]);
+        to.u8(groups.len() as u8);
+        for group in groups {
+            to.text(&group.name);
+            to.u8(group.drivers.len() as u8);
+            to.take(&group.drivers);
+            to.u8(group.chain.len() as u8);
+            for joint in &group.chain {
+                to.u8(joint.bone as u8);
+                to.u8(joint.parent.unwrap_or(NO_PARENT));
+                to.f64s(&joint.axis.to_array());
+                to.f64s(&[joint.swing, joint.twist]);
+            }
+            to.f64s(&group.own);
+            to.f64s(&group.joint);
         }
-        to.f64s(&group.own);
-        to.f64s(&group.joint);
     }
 }
 

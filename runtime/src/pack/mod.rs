@@ -7,7 +7,6 @@ pub mod layout;
 mod rans;
 #[cfg(feature = "fit")]
 mod residuals;
-mod v1;
 #[cfg(feature = "write")]
 pub mod write;
 
@@ -46,7 +45,7 @@ pub struct SectionInfo {
     pub stored_length: usize,
     /// Bytes once decoded.
     pub decoded_length: usize,
-    /// Bytes once the arrays in it are decoded, too; the same in packs of version 1.
+    /// Bytes once the arrays in it are decoded, too.
     pub unpacked_length: usize,
 }
 
@@ -72,7 +71,7 @@ impl Pack {
         let mut sections = check_sections(bytes, version, &entries)?;
         let limit = decoded_bytes.min(EXPANSION.saturating_mul(bytes.len()));
         let allowed = check_decoded_length(&sections, limit)?;
-        let data = read_garment(bytes, version, &mut sections, allowed)?;
+        let data = read_garment(bytes, &mut sections, allowed)?;
         Ok(Pack {
             version,
             garment: Garment::new(data)?,
@@ -92,17 +91,15 @@ impl Pack {
             return Ok(None);
         }
         let garment = &self.garment;
-        let (major, mut allowed) = (self.version.0, limits::DECODED_BYTES);
+        let mut allowed = limits::DECODED_BYTES;
         let find = |tag| self.fit.iter().find(|(section, _)| section.tag == tag);
         let need = |tag| find(tag).ok_or(OpenError::Missing(tag));
-        let mut fit =
-            read_stored(need(layout::FITS)?, major, &mut allowed, |from| layout::fit::read_fit(garment, from))?;
+        let mut fit = read_stored(need(layout::FITS)?, &mut allowed, |from| layout::fit::read_fit(garment, from))?;
         let sizes = fit.size_count();
-        fit.fields = read_stored(need(layout::FLDS)?, major, &mut allowed, |from| {
-            layout::fit::read_fields(garment, sizes, from)
-        })?;
+        fit.fields =
+            read_stored(need(layout::FLDS)?, &mut allowed, |from| layout::fit::read_fields(garment, sizes, from))?;
         if let Some(section) = find(layout::SZUV) {
-            fit.uv = read_stored(section, major, &mut allowed, |from| layout::fit::read_uv(garment, sizes, from))?;
+            fit.uv = read_stored(section, &mut allowed, |from| layout::fit::read_uv(garment, sizes, from))?;
         }
         fit.check(garment)?;
         Ok(Some(fit))
@@ -144,7 +141,7 @@ pub enum OpenError {
     TooLong(usize),
     /// Another major version wrote it.
     #[error(
-        "the pack is of format version {major}.{minor}, and this version of kitsuke reads versions 1 to {known}: {}",
+        "the pack is of format version {major}.{minor}, and this version of kitsuke reads version {known}: {}",
         if *major > layout::MAJOR { "update kitsuke" } else { "build the pack anew" }, known = layout::MAJOR
     )]
     Version {
@@ -306,8 +303,7 @@ pub enum ContentProblem {
 fn check_sections(bytes: &[u8], version: (u16, u16), entries: &[Entry]) -> Result<Vec<SectionInfo>, OpenError> {
     let mut sections: Vec<SectionInfo> = Vec::with_capacity(entries.len());
     let mut end = layout::header_length(entries.len());
-    let known = if version.0 == v1::MAJOR { v1::MINOR } else { layout::MINOR };
-    let newer = version.1 > known;
+    let newer = version.1 > layout::MINOR;
     for entry in entries {
         let &Entry { tag, offset, stored_length, decoded_length, .. } = entry;
         let fail = |problem| Err(OpenError::Section { tag, offset, problem });
@@ -362,30 +358,24 @@ fn check_decoded_length(sections: &[SectionInfo], limit: usize) -> Result<usize,
 
 /// Decodes the sections one after the other, so that only one of them is in memory beside the garment. Coded arrays may
 /// decode to `allowed` bytes.
-fn read_garment(
-    bytes: &[u8],
-    version: (u16, u16),
-    sections: &mut [SectionInfo],
-    allowed: usize,
-) -> Result<GarmentData, OpenError> {
-    let mut sections = Sections { bytes, major: version.0, sections, allowed };
+fn read_garment(bytes: &[u8], sections: &mut [SectionInfo], allowed: usize) -> Result<GarmentData, OpenError> {
+    let mut sections = Sections { bytes, sections, allowed };
     let info = sections.read(layout::INFO, layout::read_info)?;
     let skeleton = sections.read(layout::SKEL, layout::read_skeleton)?;
     let mesh = sections.read(layout::MESH, |from| layout::read_mesh(&info, from))?;
     let skin = sections.read(layout::SKIN, |from| layout::read_skin(info.unique, from))?;
-    let (drivers, poses) = sections.read(layout::DRIV, |from| layout::read_drivers(&info, from))?;
+    let (drivers, poses, pose_limits) = sections.read(layout::DRIV, |from| layout::read_drivers(&info, from))?;
     let segments = sections.read(layout::SEGS, |from| layout::read_segments(&info, from))?;
     let targets = sections.read(layout::TGTS, |from| layout::read_targets(&info, &mesh, &segments, from))?;
-    let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&info, from))?;
+    let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&drivers, &targets, from))?;
     let certificate = sections.read(layout::CERT, |from| layout::read_certificate(&info, from))?;
     let Info { id, name, .. } = info;
-    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, rbf, certificate })
+    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, pose_limits, rbf, certificate })
 }
 
 /// The sections of a pack whose table has been checked.
 struct Sections<'a> {
     bytes: &'a [u8],
-    major: u16,
     sections: &'a mut [SectionInfo],
     /// Bytes that coded arrays may still decode to.
     allowed: usize,
@@ -400,7 +390,7 @@ impl Sections<'_> {
         let section = self.sections.iter_mut().find(|section| section.tag == tag).ok_or(OpenError::Missing(tag))?;
         let stored = &self.bytes[section.offset..section.offset + section.stored_length];
         let before = self.allowed;
-        let content = read_stored(&(*section, stored), self.major, &mut self.allowed, read);
+        let content = read_stored(&(*section, stored), &mut self.allowed, read);
         section.unpacked_length += before - self.allowed;
         content
     }
@@ -415,7 +405,6 @@ fn stored_fit(bytes: &[u8], sections: &[SectionInfo]) -> Vec<(SectionInfo, Vec<u
 
 fn read_stored<T>(
     (section, stored): &(SectionInfo, impl AsRef<[u8]>),
-    major: u16,
     allowed: &mut usize,
     read: impl FnOnce(&mut Reader<'_>) -> Result<T, ContentProblem>,
 ) -> Result<T, OpenError> {
@@ -424,7 +413,7 @@ fn read_stored<T>(
     let decoded = section.encoding.and_then(|encoding| encoding.decode(stored, decoded_length));
     let problem = SectionProblem::Decode { decoded_length };
     let decoded = decoded.ok_or(OpenError::Section { tag, offset, problem })?;
-    let mut reader = Reader::new(&decoded, major, *allowed);
+    let mut reader = Reader::new(&decoded, *allowed);
     let content = read(&mut reader).and_then(|content| reader.finish().map(|()| content));
     *allowed = reader.allowed();
     content.map_err(|problem| OpenError::Content { tag, at: reader.at(), problem })

@@ -367,7 +367,7 @@ mod tests {
     }
 
     fn decoded(bytes: &[u8], runs: &[(usize, Vec<u32>)]) -> Result<Vec<Vec<u32>>, ContentProblem> {
-        let mut reader = Reader::new(bytes, crate::pack::layout::MAJOR, 0);
+        let mut reader = Reader::new(bytes, 0);
         let mut decoder = Decoder::read(&mut reader)?;
         let mut classes = [0; 8];
         let runs = runs.iter().map(|(lane, run)| {

@@ -50,7 +50,7 @@ fn garment_sections(garment: &Garment) -> Vec<Section> {
         section(layout::SKEL, |to| layout::write_skeleton(&data.skeleton, to)),
         section(layout::MESH, |to| layout::write_mesh(&data.mesh, to)),
         section(layout::SKIN, |to| layout::write_skin(&data.skin, to)),
-        section(layout::DRIV, |to| layout::write_drivers(&data.drivers, &data.poses, to)),
+        section(layout::DRIV, |to| layout::write_drivers(data, to)),
         section(layout::SEGS, |to| layout::write_segments(&data.segments, to)),
         section(layout::TGTS, |to| layout::write_targets(data, to)),
         section(layout::RBFS, |to| layout::write_rbf(data.rbf.as_ref(), to)),

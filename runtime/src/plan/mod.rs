@@ -14,16 +14,24 @@ use std::mem::size_of_val;
 /// What evaluation derives once from a garment's arrays.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    /// Which targets move each segment: the pieces of segment `s` are `of_segment[s]..of_segment[s + 1]`.
-    of_segment: Vec<u32>,
-    pieces: Vec<Piece>,
-    /// Whether the masks of every vertex of a segment sum to one.
-    pub(crate) is_whole: Vec<bool>,
+    /// For each segment what each layer does there.
+    pub(crate) segments: Vec<Vec<LayerPart>>,
     /// The masks segment by segment, driver by driver, each three times: for x, y and z.
     pub(crate) masks: Vec<u16>,
     pub(crate) skin: BlockedSkin,
     /// Over the unique vertices, so that normals are smooth across seams.
     pub(crate) normals: Strips,
+}
+
+/// What a layer does in a segment.
+#[derive(Clone, Debug)]
+pub(crate) struct LayerPart {
+    /// Which of the segment's drivers belong to the layer.
+    pub(crate) columns: Vec<u8>,
+    /// The layer's targets that move the segment.
+    pub(crate) pieces: Vec<Piece>,
+    /// Whether the layer's masks of every vertex sum to one.
+    pub(crate) is_whole: bool,
 }
 
 /// A target's deltas in one segment.
@@ -75,18 +83,17 @@ impl BlockedSkin {
 impl Plan {
     /// Of checked arrays.
     pub(crate) fn new(data: &GarmentData) -> Plan {
-        let mut by_segment = vec![Vec::new(); data.segments.len()];
+        let mut segments: Vec<Vec<LayerPart>> = data.segments.iter().map(|segment| parts(data, segment)).collect();
         for (number, target) in data.targets.iter().enumerate() {
             let mut start = 0;
             for &segment in &target.segments {
                 let segment = usize::from(segment);
-                by_segment[segment].push(Piece { target: number as u16, start });
+                let drives = |part: &&mut LayerPart| layer_of(data, segment, part.columns[0]) == target.layer;
+                if let Some(part) = segments[segment].iter_mut().find(drives) {
+                    part.pieces.push(Piece { target: number as u16, start });
+                }
                 start += data.segments[segment].vertex_count;
             }
-        }
-        let mut of_segment = vec![0];
-        for pieces in &by_segment {
-            of_segment.push(of_segment[of_segment.len() - 1] + pieces.len() as u32);
         }
         let unique = data.mesh.positions_m.len();
         let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
@@ -95,11 +102,6 @@ impl Plan {
         };
         let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
         let normals = Strips::new(unique, &triangles);
-        let is_whole = data.segments.iter().map(|segment| {
-            let mut rows = segment.masks.chunks_exact(segment.drivers.len().max(1));
-            rows.all(|row| row.iter().map(|&mask| u32::from(mask)).sum::<u32>() == u32::from(u16::MAX))
-        });
-        let is_whole: Vec<bool> = is_whole.collect();
         let mut masks = Vec::new();
         for Segment { drivers, masks: rows, .. } in &data.segments {
             for column in 0..drivers.len() {
@@ -107,11 +109,25 @@ impl Plan {
                 masks.extend(of_driver.flat_map(|&mask| [mask; 3]));
             }
         }
-        Plan { of_segment, pieces: by_segment.concat(), is_whole, masks, skin: BlockedSkin::new(&data.skin), normals }
+        Plan { segments, masks, skin: BlockedSkin::new(&data.skin), normals }
     }
+}
 
-    /// The targets' deltas in a segment.
-    pub(crate) fn pieces(&self, segment: usize) -> &[Piece] {
-        &self.pieces[self.of_segment[segment] as usize..self.of_segment[segment + 1] as usize]
+fn layer_of(data: &GarmentData, segment: usize, column: u8) -> u8 {
+    data.drivers[usize::from(data.segments[segment].drivers[usize::from(column)])].layer
+}
+
+/// The layers of a segment's drivers, ascending, yet without targets.
+fn parts(data: &GarmentData, segment: &Segment) -> Vec<LayerPart> {
+    let mut by_layer: BTreeMap<u8, Vec<u8>> = BTreeMap::new();
+    for (column, &driver) in segment.drivers.iter().enumerate() {
+        by_layer.entry(data.drivers[usize::from(driver)].layer).or_default().push(column as u8);
     }
+    let part = |columns: Vec<u8>| {
+        let sum = |row: &[u16]| columns.iter().map(|&column| u32::from(row[usize::from(column)])).sum::<u32>();
+        // Without masks the one driver owns every vertex wholly.
+        let is_whole = segment.masks.chunks_exact(segment.drivers.len()).all(|row| sum(row) == u32::from(u16::MAX));
+        LayerPart { columns, pieces: Vec::new(), is_whole }
+    };
+    by_layer.into_values().map(part).collect()
 }

@@ -4,8 +4,7 @@
 pub mod rbf;
 
 use crate::arrays::{GarmentData, PoseTable};
-use crate::skeleton::{Bone, Pose};
-use glam::Quat;
+use crate::skeleton::{Bone, Pose, angle_between_rad};
 
 /// Differences below this count as this: an input on a sample gives that sample all but 0.001 % of the rate, and
 /// samples whose rotations are the same up to the rounding of their table share evenly.
@@ -18,8 +17,10 @@ const LARGEST_RATE: f32 = 100.0;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rates {
     targets: usize,
-    /// Row by row, one row of `targets` rates per driver.
+    /// Row by row, one row of `targets` rates per driver. Those of another layer's targets are 0.
     rates: Vec<f32>,
+    layer_of_driver: Vec<u8>,
+    layer_of_target: Vec<u8>,
     work: rbf::Work,
 }
 
@@ -28,13 +29,19 @@ impl Rates {
     #[must_use]
     pub fn new(data: &GarmentData) -> Rates {
         let rates = vec![0.0; data.drivers.len() * data.targets.len()];
-        Rates { targets: data.targets.len(), rates, work: rbf::Work::new(data) }
+        Rates {
+            targets: data.targets.len(),
+            rates,
+            layer_of_driver: data.drivers.iter().map(|driver| driver.layer).collect(),
+            layer_of_target: data.targets.iter().map(|target| target.layer).collect(),
+            work: rbf::Work::new(data),
+        }
     }
 
     /// How many drivers and targets these rates are for.
     #[must_use]
     pub fn shape(&self) -> (usize, usize) {
-        (self.rates.len().checked_div(self.targets).unwrap_or(0), self.targets)
+        (self.layer_of_driver.len(), self.targets)
     }
 
     /// The rates of all targets for one driver.
@@ -47,13 +54,15 @@ impl Rates {
     }
 
     /// Sets one rate. Any finite number is allowed (1 shows the target wholly, more exaggerates it) and kept within
-    /// ±100; what is not a number counts as 0.
+    /// ±100; what is not a number counts as 0. A driver does not move the targets of another layer: that rate stays 0.
     ///
     /// # Panics
     /// When there is no such driver or target.
     pub fn set(&mut self, driver: usize, target: usize, rate: f32) {
         assert!(target < self.targets, "target {target} of {}", self.targets);
-        self.rates[driver * self.targets + target] = limited(rate);
+        if self.layer_of_driver[driver] == self.layer_of_target[target] {
+            self.rates[driver * self.targets + target] = limited(rate);
+        }
     }
 
     /// Sets all rates to 0.
@@ -86,7 +95,7 @@ pub enum Kernel {
 /// The pose difference D of a sample is the root of the summed squares of the angles between its rotations and those
 /// of the input, over the driver's joints. The samples with D no larger than the driver's threshold are similar; the
 /// base is a sample as well. Each similar sample's rate is proportional to 1/D, and the rates sum to 1. With no
-/// similar sample all rates are 0, which leaves the skinned base.
+/// similar sample all rates are 0, which leaves the skinned base. A driver's samples are those of its layer.
 ///
 /// The text of the paper's formula for the rate is lost; inverse pose difference is our reading of "from the pose
 /// differences of the n similar poses". D below 1e-5 rad counts as 1e-5 rad, so that an input on a sample is no
@@ -100,6 +109,9 @@ pub fn paper(data: &GarmentData, pose: &Pose, rates: &mut Rates) {
     rates.clear();
     for (driver, row) in data.drivers.iter().zip(rates.rates.chunks_exact_mut(data.targets.len().max(1))) {
         let closeness = |sample: usize| {
+            if sample > 0 && data.targets[sample - 1].layer != driver.layer {
+                return None;
+            }
             let difference_rad = pose_difference_rad(&data.poses, sample, &driver.joints, pose);
             // Not a number compares as false, so it is never similar.
             (difference_rad <= driver.threshold_rad).then(|| 1.0 / difference_rad.max(LEAST_DIFFERENCE_RAD))
@@ -118,7 +130,7 @@ pub fn paper(data: &GarmentData, pose: &Pose, rates: &mut Rates) {
 impl Rates {
     pub(crate) fn assert_fits(&self, data: &GarmentData) {
         assert!(
-            self.targets == data.targets.len() && self.rates.len() == data.targets.len() * data.drivers.len(),
+            self.layer_of_target.len() == data.targets.len() && self.layer_of_driver.len() == data.drivers.len(),
             "the rates were made for another garment"
         );
     }
@@ -133,31 +145,4 @@ fn pose_difference_rad(table: &PoseTable, row: usize, joints: &[Bone], pose: &Po
         angle * angle
     });
     squares.sum::<f32>().sqrt()
-}
-
-/// The angle of the rotation that leads from one rotation to the other, 0 to pi, whatever the quaternions' signs and
-/// lengths. An arc cosine of the dot product would lose half the digits near 0.
-#[must_use]
-pub fn angle_between_rad(a: Quat, b: Quat) -> f32 {
-    let between = a.conjugate() * b;
-    2.0 * libm::atan2f(between.xyz().length(), between.w.abs())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::Vec3;
-
-    #[test]
-    fn angles_are_exact_at_both_ends_and_blind_to_sign_and_length() {
-        let axis = Vec3::new(0.6, 0.0, 0.8);
-        for angle in [0.0_f32, 1e-6, 1e-4, 0.3, 1.5, 3.0, std::f32::consts::PI] {
-            let turned = Quat::from_axis_angle(axis, angle);
-            for other in [turned, -turned, turned * 3.0] {
-                let found = angle_between_rad(Quat::IDENTITY, other);
-                assert!((found - angle).abs() <= 1e-6, "{found} for {angle}");
-            }
-        }
-        assert!(angle_between_rad(Quat::IDENTITY, Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0)).is_nan());
-    }
 }

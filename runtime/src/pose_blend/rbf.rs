@@ -1,8 +1,8 @@
 //! The default kernel: interpolation of the samples by radial basis functions, exact at every sample and smooth
 //! everywhere. Knows rotations only, no vertex; the numbers it runs on are chosen by the pipeline.
 //!
-//! Drivers are taken in groups, an arm each, so that a sleeve which shoulder and elbow move together is not counted
-//! twice. A group *embeds* a pose: for every joint of its chain the rotation accumulated from the chain's start turns
+//! Every layer interpolates its own samples. Its drivers are taken in groups, an arm each, so that a sleeve which shoulder and elbow move together is not counted
+//! twice. A group *embeds* a pose: for every joint of its chain the rotation accumulated from the trunk turns
 //! the bone's axis and two directions across it, each scaled by how much it matters to the shape. Two poses are as far
 //! apart as their embeddings, a distance in a Euclidean space that is smooth also at half a turn and blind to the
 //! sign of quaternions. With D_g the distance in one group and D² the sum of D_g² over all groups,
@@ -22,7 +22,7 @@
 //! coefficients cancel, and single precision would cost tenths of a millimetre.
 
 use super::Rates;
-use crate::arrays::{ChainJoint, GarmentData, PoseTable};
+use crate::arrays::{ChainJoint, GarmentData, PoseTable, RbfLayer, limits};
 use crate::skeleton::{Bone, Pose};
 use glam::DQuat;
 
@@ -38,16 +38,18 @@ pub fn embedding_length(chain: &[ChainJoint]) -> usize {
 /// Where the rotations of a chain's joints lie in the Euclidean space in which poses are compared.
 ///
 /// # Panics
-/// When `embedding` is not [`embedding_length`] long.
+/// When `embedding` is not [`embedding_length`] long, or the chain longer than [`limits::CHAIN`].
 pub fn embed(chain: &[ChainJoint], rotation: impl Fn(Bone) -> DQuat, embedding: &mut [f64]) {
     assert_eq!(embedding.len(), embedding_length(chain), "nine numbers per joint");
-    let mut accumulated = DQuat::IDENTITY;
-    for (joint, numbers) in chain.iter().zip(embedding.chunks_exact_mut(PER_JOINT)) {
-        accumulated *= rotation(joint.bone);
+    let mut accumulated = [DQuat::IDENTITY; limits::CHAIN];
+    for (place, (joint, numbers)) in chain.iter().zip(embedding.chunks_exact_mut(PER_JOINT)).enumerate() {
+        let before = joint.parent.map_or(DQuat::IDENTITY, |parent| accumulated[usize::from(parent)]);
+        let turned = before * rotation(joint.bone);
+        accumulated[place] = turned;
         let (across, other) = joint.axis.any_orthonormal_pair();
         let directions = [(joint.axis, joint.swing), (across, joint.twist), (other, joint.twist)];
         for ((direction, scale), numbers) in directions.into_iter().zip(numbers.chunks_exact_mut(3)) {
-            numbers.copy_from_slice(&(scale * (accumulated * direction)).to_array());
+            numbers.copy_from_slice(&(scale * (turned * direction)).to_array());
         }
     }
 }
@@ -79,27 +81,37 @@ pub fn bump(squared_distance: f64, reach: f64) -> f64 {
     1.0 - t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 }
 
-/// The embeddings of a garment's samples, computed once: group by group, sample by sample.
+/// The embeddings of a garment's samples, computed once: layer by layer, group by group, the base first.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    embeddings: Vec<Vec<f64>>,
+    layers: Vec<Vec<Vec<f64>>>,
 }
 
 impl Samples {
     /// Of checked arrays.
     #[must_use]
     pub fn new(data: &GarmentData) -> Samples {
-        let groups = data.rbf.iter().flat_map(|rbf| &rbf.groups);
-        Samples { embeddings: groups.map(|group| embed_samples(&group.chain, &data.poses)).collect() }
+        let layers = data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate());
+        let of_layer = |(number, layer): (usize, &RbfLayer)| {
+            let rows = rows_of_layer(data, number);
+            layer.groups.iter().map(|group| embed_samples(&group.chain, &data.poses, &rows)).collect()
+        };
+        Samples { layers: layers.map(of_layer).collect() }
     }
 }
 
-/// The embeddings of all rows of a pose table, one after the other. Joints that the table does not give are at rest.
+/// The rows of the pose table that a layer blends: the base's, then those of the layer's targets.
 #[must_use]
-pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable) -> Vec<f64> {
+pub fn rows_of_layer(data: &GarmentData, layer: usize) -> Vec<usize> {
+    std::iter::once(0).chain(data.targets_of_layer(layer).map(|target| target + 1)).collect()
+}
+
+/// The embeddings of these rows of a pose table, one after the other. Joints that the table does not give are at rest.
+#[must_use]
+pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
     let length = embedding_length(chain);
-    let mut embeddings = vec![0.0; length * poses.rows()];
-    for (row, embedding) in embeddings.chunks_exact_mut(length.max(1)).enumerate() {
+    let mut embeddings = vec![0.0; length * rows.len()];
+    for (&row, embedding) in rows.iter().zip(embeddings.chunks_exact_mut(length.max(1))) {
         let sample = poses.row(row);
         let rotation = |bone| match poses.bones.iter().position(|&listed| listed == bone) {
             Some(column) => sample[column].as_dquat().normalize(),
@@ -114,28 +126,35 @@ pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable) -> Vec<f64> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Work {
     embedding: Vec<f64>,
-    /// Squared distance to every sample, group by group.
+    /// Squared distance to every sample of the layer, group by group.
     squared_distances: Vec<f64>,
     /// The same summed over the groups.
     summed: Vec<f64>,
+    /// The rates of a layer's targets.
     row: Vec<f64>,
+    /// Each layer's targets.
+    targets: Vec<Vec<usize>>,
 }
 
 impl Work {
     pub(super) fn new(data: &GarmentData) -> Work {
         let Some(rbf) = &data.rbf else { return Work::default() };
-        let samples = data.targets.len() + 1;
-        let longest = rbf.groups.iter().map(|group| embedding_length(&group.chain)).max().unwrap_or(0);
+        let targets: Vec<Vec<usize>> =
+            (0..rbf.layers.len()).map(|layer| data.targets_of_layer(layer).collect()).collect();
+        let samples = targets.iter().map(|targets| targets.len() + 1).max().unwrap_or(0);
+        let groups = rbf.layers.iter().map(|layer| layer.groups.len()).max().unwrap_or(0);
+        let chains = rbf.layers.iter().flat_map(|layer| &layer.groups).map(|group| embedding_length(&group.chain));
         Work {
-            embedding: vec![0.0; longest],
-            squared_distances: vec![0.0; samples * rbf.groups.len()],
+            embedding: vec![0.0; chains.max().unwrap_or(0)],
+            squared_distances: vec![0.0; samples * groups],
             summed: vec![0.0; samples],
-            row: vec![0.0; data.targets.len()],
+            row: vec![0.0; samples - 1],
+            targets,
         }
     }
 }
 
-/// The default kernel. Rates of a garment that was built without one are all 0.
+/// The default kernel, layer by layer. Rates of a garment that was built without one are all 0.
 ///
 /// A rotation that is not finite or has no length counts as the T-pose.
 ///
@@ -145,39 +164,44 @@ pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates
     rates.assert_fits(data);
     rates.clear();
     let Some(rbf) = &data.rbf else { return };
-    let targets = data.targets.len();
-    let Work { embedding, squared_distances, summed, row } = &mut rates.work;
     let rotation = |bone| {
         let rotation = pose.rotation(bone).as_dquat();
         let length = rotation.length();
         if length > 1e-6 && length.is_finite() { rotation / length } else { DQuat::IDENTITY }
     };
+    let all = data.targets.len();
+    for (number, (layer, samples)) in rbf.layers.iter().zip(&samples.layers).enumerate() {
+        let Work { embedding, squared_distances, summed, row, targets } = &mut rates.work;
+        let targets = targets[number].as_slice();
+        let (summed, row) = (&mut summed[..targets.len() + 1], &mut row[..targets.len()]);
 
-    summed.fill(0.0);
-    let own_distances = squared_distances.chunks_exact_mut(targets + 1);
-    for ((group, samples), own) in rbf.groups.iter().zip(&samples.embeddings).zip(own_distances) {
-        let embedding = &mut embedding[..embedding_length(&group.chain)];
-        embed(&group.chain, rotation, embedding);
-        for ((sample, own), summed) in samples.chunks_exact(embedding.len()).zip(own).zip(summed.iter_mut()) {
-            *own = squared_distance(embedding, sample);
-            *summed += *own;
-        }
-    }
-
-    for (group, own) in rbf.groups.iter().zip(squared_distances.chunks_exact(targets + 1)) {
-        row.fill(0.0);
-        let far = own.iter().map(|&own| 1.0 - bump(own, rbf.reach)).product::<f64>();
-        let kept = 1.0 - far;
-        if kept > 0.0 {
-            let coefficients = group.own.chunks_exact(targets.max(1)).zip(group.joint.chunks_exact(targets.max(1)));
-            for ((&own, &summed), (own_row, joint_row)) in own.iter().zip(summed.iter()).zip(coefficients) {
-                accumulate(row, kept * inverse_multiquadric(own), own_row);
-                accumulate(row, kept * wendland(summed, rbf.joint_width), joint_row);
+        summed.fill(0.0);
+        let own_distances = squared_distances.chunks_exact_mut(targets.len() + 1);
+        for ((group, samples), own) in layer.groups.iter().zip(samples).zip(own_distances) {
+            let embedding = &mut embedding[..embedding_length(&group.chain)];
+            embed(&group.chain, rotation, embedding);
+            for ((sample, own), summed) in samples.chunks_exact(embedding.len()).zip(own).zip(summed.iter_mut()) {
+                *own = squared_distance(embedding, sample);
+                *summed += *own;
             }
         }
-        for &driver in &group.drivers {
-            for (target, &rate) in row.iter().enumerate() {
-                rates.rates[usize::from(driver) * targets + target] = super::limited(rate as f32);
+
+        for (group, own) in layer.groups.iter().zip(squared_distances.chunks_exact(targets.len() + 1)) {
+            row.fill(0.0);
+            let far = own.iter().map(|&own| 1.0 - bump(own, layer.reach)).product::<f64>();
+            let kept = 1.0 - far;
+            if kept > 0.0 {
+                let width = targets.len().max(1);
+                let coefficients = group.own.chunks_exact(width).zip(group.joint.chunks_exact(width));
+                for ((&own, &summed), (own_row, joint_row)) in own.iter().zip(summed.iter()).zip(coefficients) {
+                    accumulate(row, kept * inverse_multiquadric(own), own_row);
+                    accumulate(row, kept * wendland(summed, layer.joint_width), joint_row);
+                }
+            }
+            for &driver in &group.drivers {
+                for (&target, &rate) in targets.iter().zip(&*row) {
+                    rates.rates[usize::from(driver) * all + target] = super::limited(rate as f32);
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Bones, the wearer's skeleton and a pose of it. Knows no garment; each foreign recording format has a file of its
 //! own beside this one, behind a feature.
 
+mod angle;
 mod bone;
 #[cfg(feature = "bvh")]
 pub mod bvh;
@@ -26,6 +27,7 @@ pub mod vmc;
 #[cfg(feature = "recordings")]
 pub mod vrma;
 
+pub use angle::angle_between_rad;
 pub use bone::Bone;
 use glam::{Affine3A, Quat, Vec3};
 pub use tracked::{RestPose, Tracked, Turned};

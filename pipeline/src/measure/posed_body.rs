@@ -1,0 +1,67 @@
+//! The skinned body in a pose, to be asked where places lie. Knows no cloth.
+
+use crate::ir::Body;
+use glam::{Affine3A, Vec3};
+use kitsuke::skeleton::Pose;
+use parry3d::query::PointQueryWithLocation;
+use parry3d::shape::{TriMesh, TriMeshFlags};
+
+/// The posed body, ready for questions.
+pub(super) struct PosedBody<'a> {
+    body: &'a Body,
+    pub(super) mesh: TriMesh,
+}
+
+impl<'a> PosedBody<'a> {
+    pub(super) fn new(body: &'a Body, pose: &Pose) -> PosedBody<'a> {
+        let mut transforms = vec![Affine3A::IDENTITY; body.skeleton.joints().len()];
+        body.skeleton.posed_from_rest(pose, &mut transforms);
+        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| -> Vec3 {
+            weights.iter().map(|&(joint, w)| transforms[usize::from(joint)].transform_point3(*p) * w).sum()
+        };
+        let points = body.surface.positions_m.iter().zip(&body.skin).map(posed);
+        let points = points.map(|p| p.to_array().into()).collect();
+        let mesh = TriMesh::with_flags(points, body.surface.triangles.clone(), TriMeshFlags::ORIENTED);
+        PosedBody { body, mesh: mesh.expect("the body's surface has triangles") }
+    }
+
+    /// How deep a point lies in the body, at most `deepest_m`, and the joint of the skin that is nearest.
+    pub(super) fn depth(&self, place_m: Vec3, deepest_m: f32) -> Option<(f32, u8)> {
+        let place = place_m.to_array().into();
+        let (nearest, (triangle, _)) =
+            self.mesh.project_local_point_and_get_location_with_max_dist(place, false, deepest_m)?;
+        let depth_m = Vec3::new(nearest.point.x, nearest.point.y, nearest.point.z).distance(place_m);
+        let corner = self.body.surface.triangles[triangle as usize][0] as usize;
+        let joint = self.body.skin[corner].iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(joint, _)| *joint);
+        nearest.is_inside.then_some((depth_m, joint))
+    }
+
+    /// Whether the skin at a vertex is pressed into another part of the body.
+    pub(super) fn is_buried(&self, vertex: u32) -> bool {
+        /// Just outside, metres.
+        const OUTSIDE_M: f32 = 1e-3;
+        let place = |v: u32| Vec3::from_array(self.mesh.vertices()[v as usize].to_array());
+        let mut normal = Vec3::ZERO;
+        for triangle in self.mesh.indices().iter().filter(|triangle| triangle.contains(&vertex)) {
+            let [a, b, c] = triangle.map(place);
+            normal += (b - a).cross(c - a);
+        }
+        self.winding(place(vertex) + OUTSIDE_M * normal.normalize_or_zero()) > 0.5
+    }
+
+    /// How often a closed surface winds round a point, by the solid angles of its triangles (van Oosterom, Strackee: The
+    /// Solid Angle of a Plane Triangle, 1983): 1 or more inside, even where the surface passes through itself.
+    pub(super) fn winding(&self, place_m: Vec3) -> f32 {
+        let corners = self.mesh.vertices();
+        let solid_rad = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|v| {
+                let p = corners[v as usize];
+                Vec3::new(p.x, p.y, p.z) - place_m
+            });
+            let [la, lb, lc] = [a.length(), b.length(), c.length()];
+            let whole = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+            2.0 * libm::atan2f(a.dot(b.cross(c)), whole)
+        };
+        self.mesh.indices().iter().map(solid_rad).sum::<f32>() / (4.0 * std::f32::consts::PI)
+    }
+}
