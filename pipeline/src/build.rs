@@ -1,7 +1,8 @@
 //! All stages of a garment in order, each beside what it is made from: the keys of the memo. Knows no files.
 
 use crate::ir;
-use crate::measure::{certificate, verify};
+use crate::measure::audit::{self, Depth};
+use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
 use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, weld};
 use glam::Vec3;
@@ -34,6 +35,8 @@ pub struct Built {
     pub fit: Option<FitData>,
     /// How far each target lies from its file.
     pub quality: Vec<verify::TargetQuality>,
+    /// How deep the cloth lies in the body, pose after pose of the audit.
+    pub inside: Vec<Depth>,
     /// What painted masks cut off.
     pub remainders: Vec<regions::Remainder>,
     /// Skin weights per base vertex.
@@ -100,6 +103,22 @@ pub fn build_garment(
     data.certificate = Some(certificate);
     let garment = checked(data)?;
     tell("certificate", None, Origin::Computed);
+    let (found, origin) = memo.recall(&keys::audit(&garment, body), || {
+        let poses = pose_space::poses(&garment, audit::BUILD_POSES);
+        let depths = audit::audit(body, &garment, &poses).by_pose;
+        Ok::<_, StageError>(
+            depths.iter().map(|d| [d.depth_m.to_bits(), d.pose as u32, d.vertex, d.joint.into()]).collect(),
+        )
+    })?;
+    let depth = |[depth_m, pose, vertex, joint]: &[u32; 4]| Depth {
+        depth_m: f32::from_bits(*depth_m),
+        pose: *pose as usize,
+        vertex: *vertex,
+        joint: *joint as u8,
+    };
+    let inside: Vec<Depth> = found.iter().map(depth).collect();
+    audit::keep_budget(&audit::deepest(&inside), &garment, source)?;
+    tell("audit", None, origin);
 
     // What fitting it to a wearer needs.
     let fit = source.sizes.as_ref().map(|sizes| {
@@ -119,7 +138,7 @@ pub fn build_garment(
     tell("write", None, Origin::Computed);
     let quality = verify::verify(source, &masks, &deltas, &pack)?;
     tell("verify", None, Origin::Computed);
-    Ok(Built { pack, garment, fit, quality, remainders, skin, masks, deltas })
+    Ok(Built { pack, garment, fit, quality, inside, remainders, skin, masks, deltas })
 }
 
 /// How much of each vertex hangs from the shoulders, 0 to 1: there a kimono rests, whatever its size.
@@ -146,7 +165,7 @@ fn from_words([a, b, c, d, e, f, g, h]: [u16; 8]) -> SkinWeights {
 
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Key, SkinWeights, deltas, ir, regions, skin, to_words, weld};
+    use super::{Garment, Key, SkinWeights, audit, deltas, ir, regions, skin, to_words, weld};
     use glam::Vec3;
     use kitsuke::skeleton::{Bone, Skeleton};
 
@@ -190,6 +209,11 @@ mod keys {
             surface(Key::new("weld", weld::VERSION).text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
         let counts: Vec<u32> = base.parts.iter().map(|part| part.triangle_count).collect();
         sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
+    }
+
+    pub fn audit(garment: &Garment, body: &ir::Body) -> Key {
+        let key = Key::new("audit", audit::VERSION).text(&format!("{:?}", body.skin));
+        surface(skeleton(key, &body.skeleton), &body.surface).array(&kitsuke::pack::write::write(garment))
     }
 
     fn surface(key: Key, surface: &ir::Surface) -> Key {

@@ -44,6 +44,8 @@ pub struct Garment {
     pub speed_budget_m: Option<f32>,
     /// How far any target may lie from its prediction by the others, metres; `None`: as it comes.
     pub unseen_budget_m: Option<f32>,
+    /// How deep the cloth may lie in the body in the audit's poses, metres; `None`: as it comes.
+    pub inside_budget_m: Option<f32>,
 }
 
 impl Garment {

@@ -171,7 +171,7 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin", "weld"]);
     assert_eq!(
         runs(komon, Origin::Computed),
-        ["certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
+        ["audit", "certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
     );
 }
 

@@ -13,6 +13,7 @@ use kitsuke_pipeline::measure::pose_space;
 use kitsuke_pipeline::measure::skirt::Legs;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
 /// Measure how deep the cloth lies in the wearer, and draw the worst pose
 #[derive(clap::Args)]
@@ -62,7 +63,9 @@ fn report(args: &Args) -> Result<(), String> {
         return motions(args, garment, &source);
     }
     let poses = pose_space::poses(garment, args.poses as usize);
+    let began = Instant::now();
     let found = audit(&source.body, garment, &poses);
+    println!("{} poses in {:.0} s", poses.len(), began.elapsed().as_secs_f64());
     print_audit(garment, &source.body, &found);
     print_samples(garment, &source.body);
 
@@ -117,9 +120,16 @@ fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), S
 }
 
 fn print_audit(garment: &Garment, body: &Body, found: &Audit) {
-    println!("worst {}", described(garment, body, &found.worst()));
-    let (all, beyond) = (found.by_pose.len(), found.poses_beyond(MARKED_M));
-    println!("{beyond} of {all} poses have a vertex deeper than {} mm", MARKED_M * 1e3);
+    for least_mm in [2, 5] {
+        let beyond = found.poses_beyond(least_mm as f32 * 1e-3);
+        let share = 100.0 * beyond as f64 / found.by_pose.len().max(1) as f64;
+        println!("{share:5.1} % of the poses have cloth deeper than {least_mm} mm in the body");
+    }
+    println!("the worst:");
+    for worst in found.worst_poses().iter().take(10) {
+        println!("  {}", described(garment, body, worst));
+    }
+    println!("vertices of all poses by depth:");
     let ends = CLASSES_M.iter().map(|end_m| format!("up to {} mm", end_m * 1e3));
     for (end, count) in ends.chain(["deeper".to_owned()]).zip(found.classes) {
         println!("  {end:<12} {count:>9} vertices");
@@ -144,21 +154,24 @@ fn described(garment: &Garment, body: &Body, depth: &Depth) -> String {
     format!("{mm:.2} mm in {} at vertex {source_vertex} of the base file, pose {}", bone.name(), depth.pose)
 }
 
-/// The worst pose from two sides, penetrating cloth red.
+/// The three worst poses from two sides, penetrating cloth red.
 fn draw(garment: &Garment, source: &ir::Garment, poses: &[Pose], found: &Audit) -> Result<Vec<u8>, String> {
-    let worst = found.worst().pose;
-    let pose = &poses[worst];
+    let mut cells = Vec::new();
+    for worst in found.worst_poses().iter().take(3).map(|depth| depth.pose) {
+        cells.extend(draw_pose(garment, source, worst, &poses[worst]));
+    }
+    png_bytes(&contact_sheet(&cells, 2)).map_err(|error| error.to_string())
+}
+
+fn draw_pose(garment: &Garment, source: &ir::Garment, worst: usize, pose: &Pose) -> [Cell; 2] {
     let deep = pose_depths(&source.body, garment, worst, pose);
     let deep: Vec<u32> = deep.iter().filter(|depth| depth.depth_m > MARKED_M).map(|depth| depth.vertex).collect();
     let shot = Shot { name: String::new(), pose: pose.clone(), blend: Blend::Kernel(garment.kernel()) };
     let scene = Scene::new(garment, Some(source));
     let mut figure = scene.figure(&mut Stage::new(garment), &shot, Colours::Error(1.0));
     figure.mark(&deep);
-    let cells: Vec<Cell> = [View::Front, View::Side]
-        .map(|view| {
-            let framing = Framing::of(std::slice::from_ref(&figure), view);
-            Cell { caption: format!("pose {worst}"), picture: scene.draw(&figure, framing, 640) }
-        })
-        .into();
-    png_bytes(&contact_sheet(&cells, 2)).map_err(|error| error.to_string())
+    [View::Front, View::Side].map(|view| {
+        let framing = Framing::of(std::slice::from_ref(&figure), view);
+        Cell { caption: format!("pose {worst}"), picture: scene.draw(&figure, framing, 640) }
+    })
 }

@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// The recorded motion whose frames are measured
-    #[arg(long, value_name = "FILE.bvh", default_value_os_t = in_workspace("assets-src/motions/two_arms.bvh"))]
+    #[arg(long, value_name = "FILE.bvh", default_value_os_t = in_workspace("assets-src/motions/walk_climb_sit.bvh"))]
     motion: PathBuf,
     #[command(flatten)]
     places: Places,

@@ -4,6 +4,7 @@
 use super::CatalogError;
 use crate::build::Built;
 use crate::look::frames::Distance;
+use crate::measure::audit::deepest;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -39,6 +40,10 @@ pub struct Entry {
     pub nearest: [String; 2],
     /// Degrees between them.
     pub nearest_deg: f64,
+    /// Of the audit's poses how many were taken, how many have cloth deeper than 2 mm and than 5 mm in the body.
+    pub inside_poses: [u64; 3],
+    /// How deep the deepest lies.
+    pub inside_max_mm: f64,
     /// Errors target by target.
     pub targets: Vec<TargetEntry>,
 }
@@ -93,6 +98,7 @@ impl Entry {
             None => "base".to_owned(),
         };
         let [first, second] = certificate.fastest_rows.map(row);
+        let deeper = |least_m: f32| built.inside.iter().filter(|depth| depth.depth_m > least_m).count() as u64;
         let means_m = built.quality.iter().map(|quality| quality.alone.mean_m);
         Entry {
             blake3: blake3::hash(&built.pack).to_hex().to_string(),
@@ -109,6 +115,8 @@ impl Entry {
             step_change_mm: rounded(certificate.step_change_mm),
             nearest: certificate.nearest.rows.map(row),
             nearest_deg: rounded(certificate.nearest.apart_deg),
+            inside_poses: [built.inside.len() as u64, deeper(0.002), deeper(0.005)],
+            inside_max_mm: rounded_mm(deepest(&built.inside).depth_m),
             targets,
         }
     }
@@ -118,6 +126,7 @@ impl Entry {
     pub fn to_text(&self) -> String {
         let Entry { blake3, bytes, target_bytes, vertices, triangles, drivers, max_mm, mean_mm, targets, .. } = self;
         let Entry { speed_mm_per_deg, fastest, step_mm, step_change_mm, nearest, nearest_deg, .. } = self;
+        let ([inside, inside_2, inside_5], inside_max_mm) = (self.inside_poses, self.inside_max_mm);
         let mut text = format!(
             "blake3 = \"{blake3}\"\nbytes = {bytes}\ntarget_bytes = {target_bytes}\nvertices = {vertices}\n\
              triangles = {triangles}\ndrivers = {drivers}\nmax_mm = {max_mm:.3}\nmean_mm = {mean_mm:.3}\n"
@@ -125,7 +134,8 @@ impl Entry {
         let _ = write!(
             text,
             "speed_mm_per_deg = {speed_mm_per_deg:.3}\nfastest = {}\nstep_mm = {step_mm:.3}\n\
-             step_change_mm = {step_change_mm:.3}\nnearest = {}\nnearest_deg = {nearest_deg:.3}\ntargets = [\n",
+             step_change_mm = {step_change_mm:.3}\nnearest = {}\nnearest_deg = {nearest_deg:.3}\n\
+             inside_poses = [{inside}, {inside_2}, {inside_5}]\ninside_max_mm = {inside_max_mm:.3}\ntargets = [\n",
             toml::Value::from(fastest.to_vec()),
             toml::Value::from(nearest.to_vec())
         );
@@ -174,6 +184,8 @@ impl Entry {
             step_change_mm: table.get("step_change_mm")?.as_float()?,
             nearest: array(table, "nearest", owned_str)?,
             nearest_deg: table.get("nearest_deg")?.as_float()?,
+            inside_poses: array(table, "inside_poses", |value| value.as_integer().and_then(|n| u64::try_from(n).ok()))?,
+            inside_max_mm: table.get("inside_max_mm")?.as_float()?,
             targets: table.get("targets")?.as_array()?.iter().map(target).collect::<Option<_>>()?,
         })
     }
@@ -208,7 +220,8 @@ pub fn to_text(index: &Index) -> String {
     let head = "# Written by `cargo xtask build-catalog`. max and mean: distance of each target from its file, blended\n\
                 # alone; blended_max: in its pose with the garment's own kernel; paper_max and paper_mean: with the paper's;\n\
                 # left_out: mean, p99 and max distance from what the other targets predict. speed, steps (of 0.01\n\
-                # degrees) and nearest poses: the certificate of the blending.\n";
+                # degrees) and nearest poses: the certificate of the blending. inside: how many poses the audit took, how many\n\
+                # have cloth deeper than 2 mm and than 5 mm in the body, and how deep the deepest lies.\n";
     let entries = index.iter().map(|(id, entry)| format!("\n[{id}]\n{}", entry.to_text()));
     head.to_owned() + &entries.collect::<String>()
 }
@@ -282,6 +295,8 @@ mod tests {
             step_change_mm: 0.001,
             nearest: ["base", "a_pose"].map(str::to_owned),
             nearest_deg: 45.0,
+            inside_poses: [96, 80, 40],
+            inside_max_mm: 41.5,
             targets: vec![target("a_pose"), target("odd \"name\" \\ 袖")],
         }
     }

@@ -154,6 +154,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         budget_m: budget_m?,
         speed_budget_m: metres(&manifest.speed_budget),
         unseen_budget_m: metres(&manifest.unseen_budget),
+        inside_budget_m: metres(&manifest.inside_budget),
     })
 }
 

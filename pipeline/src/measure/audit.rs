@@ -2,17 +2,24 @@
 //! how poses are chosen.
 
 use super::posed_body::PosedBody;
-use crate::ir::Body;
+use crate::ir::{self, Body};
+use crate::stages::StageError;
 use glam::Vec3;
 use kitsuke::evaluate::{blend, skin};
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Rates, Scratch};
 use rayon::prelude::*;
 
+/// Counts up whenever the same garment gives other figures.
+pub const VERSION: u32 = 1;
+
 /// Cloth deeper than this counts as this deep, metres.
 pub const DEEPEST_M: f32 = 0.08;
 /// Upper ends of the classes of [`Audit::classes`], metres; the last class holds everything deeper.
 pub const CLASSES_M: [f32; 6] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02];
+
+/// How many poses a build takes.
+pub const BUILD_POSES: usize = 96;
 
 /// At most so many vertices of a pose are made certain of.
 const CERTAIN: usize = 40;
@@ -52,6 +59,14 @@ impl Audit {
         self.by_pose.iter().filter(|depth| depth.depth_m > depth_m).count()
     }
 
+    /// The poses by their deepest vertex, the deepest first.
+    #[must_use]
+    pub fn worst_poses(&self) -> Vec<Depth> {
+        let mut worst = self.by_pose.clone();
+        worst.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
+        worst
+    }
+
     fn add(&mut self, depths: &[Depth]) {
         self.by_pose.push(deepest(depths));
         for depth in depths {
@@ -65,6 +80,27 @@ impl Audit {
 #[must_use]
 pub fn deepest(depths: &[Depth]) -> Depth {
     depths.iter().copied().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap_or_default()
+}
+
+/// Compares the deepest of some poses with the artist's budget.
+///
+/// # Errors
+/// Names vertex, bone and depth of what is over budget.
+pub fn keep_budget(deepest: &Depth, garment: &Garment, source: &ir::Garment) -> Result<(), StageError> {
+    let Some(budget_m) = source.inside_budget_m.filter(|budget_m| deepest.depth_m > *budget_m) else { return Ok(()) };
+    let bone = source.body.skeleton.joints()[usize::from(deepest.joint)].bone;
+    let vertex = garment.data().mesh.source_vertex[deepest.vertex as usize];
+    Err(StageError::new(
+        "audit",
+        format!(
+            "vertex {vertex} lies {:.1} mm inside {} in pose {} of the audit, over inside_budget ({:.1} mm): add a target near that \
+             pose (cargo xtask audit draws it)",
+            deepest.depth_m * 1e3,
+            bone.name(),
+            deepest.pose,
+            budget_m * 1e3
+        ),
+    ))
 }
 
 /// Measures these poses with the garment's own kernel.

@@ -37,6 +37,9 @@ pub struct Manifest {
     /// The farthest that any target may lie from what the other targets predict for its pose; a pack that predicts worse
     /// is an error: a pose is missing. By default anything goes.
     pub unseen_budget: Option<Field<Length>>,
+    /// The deepest that any point of the cloth may lie in the body in the poses of the audit; a pack that is worse is an error. By
+    /// default anything goes.
+    pub inside_budget: Option<Field<Length>>,
     /// The kimono in the T-pose, an OBJ file.
     #[schemars(required)]
     pub base: Option<Field<String>>,
@@ -253,6 +256,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         budget,
         speed_budget,
         unseen_budget,
+        inside_budget,
         base,
         texture,
         obi,
@@ -271,7 +275,10 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
     rules.iter().flatten().for_each(|field| report_wrong(file, field, report));
     unit.iter().for_each(|field| report_wrong(file, field, report));
     up.iter().for_each(|field| report_wrong(file, field, report));
-    [budget, speed_budget, unseen_budget].into_iter().flatten().for_each(|field| report_wrong(file, field, report));
+    [budget, speed_budget, unseen_budget, inside_budget]
+        .into_iter()
+        .flatten()
+        .for_each(|field| report_wrong(file, field, report));
     regions.iter().for_each(|field| report_wrong(file, field, report));
     for DriverEntry { name, joints, threshold, group, mask } in drivers {
         name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));

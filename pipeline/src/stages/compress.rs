@@ -33,7 +33,8 @@ pub fn compress(
         .collect::<Result<_, _>>()?;
     let layers_of_drivers: Vec<u8> = garment.drivers.iter().map(|driver| driver.layer).collect();
     let layers_of_targets: Vec<u8> = garment.targets.iter().map(|target| target.layer).collect();
-    let order = order(&layers_of_drivers, masks, &layers_of_targets, &steps);
+    let groups = group_numbers(&garment.drivers);
+    let order = order(&layers_of_drivers, &groups, masks, &layers_of_targets, &steps);
 
     let mut rotations = vec![Quat::IDENTITY; garment.pose_bones.len()];
     rotations.extend(garment.targets.iter().flat_map(|target| &target.rotations));
@@ -101,9 +102,23 @@ struct Order {
     segments: Vec<Segment>,
 }
 
-/// Vertices by the set of drivers that own them, then in file order. A driver owns nothing where no target of its layer moves.
-fn order(layers_of_drivers: &[u8], masks: &[u16], layers_of_targets: &[u8], steps: &[Vec<[i16; 3]>]) -> Order {
-    let driver_count = layers_of_drivers.len();
+/// For each driver the first one of its group.
+fn group_numbers(drivers: &[ir::Driver]) -> Vec<u8> {
+    let first =
+        |driver: &ir::Driver| drivers.iter().position(|other| other.group == driver.group).expect("itself at least");
+    drivers.iter().map(|driver| first(driver) as u8).collect()
+}
+
+/// Vertices by the set of groups that own them, then in file order: drivers of a group blend alike, and the fewer segments there are,
+/// the longer are the runs of a frame. A group owns nothing where no target of its layer moves.
+fn order(
+    layers_of_drivers: &[u8],
+    groups: &[u8],
+    masks: &[u16],
+    layers_of_targets: &[u8],
+    steps: &[Vec<[i16; 3]>],
+) -> Order {
+    let driver_count = groups.len();
     let vertex_count = masks.len() / driver_count.max(1);
     let mut by_drivers: BTreeMap<BTreeSet<u8>, Vec<u32>> = BTreeMap::new();
     for v in 0..vertex_count {
@@ -111,8 +126,10 @@ fn order(layers_of_drivers: &[u8], masks: &[u16], layers_of_targets: &[u8], step
             let mut of_layer = layers_of_targets.iter().zip(steps).filter(|(other, _)| **other == layer);
             of_layer.any(|(_, steps)| steps[v] != [0; 3])
         };
-        let owners = (0..driver_count).filter(|d| masks[v * driver_count + d] > 0 && moves(layers_of_drivers[*d]));
-        by_drivers.entry(owners.map(|d| d as u8).collect()).or_default().push(v as u32);
+        let owners = (0..driver_count).filter(|&d| masks[v * driver_count + d] > 0 && moves(layers_of_drivers[d]));
+        let owning: BTreeSet<u8> = owners.map(|d| groups[d]).collect();
+        let drivers = (0..driver_count).filter(|&d| owning.contains(&groups[d])).map(|d| d as u8).collect();
+        by_drivers.entry(drivers).or_default().push(v as u32);
     }
     join_small_sets(&mut by_drivers);
 
@@ -262,7 +279,7 @@ mod tests {
             })
             .collect();
         let steps = vec![vec![[1, 0, 0]; n as usize]];
-        let order = order(&[0, 0], &masks, &[0], &steps);
+        let order = order(&[0, 0], &[0, 1], &masks, &[0], &steps);
         assert_eq!(order.segments.len(), 2);
         assert_eq!(order.segments[0].drivers, [0]);
         assert!(order.segments[0].masks.is_empty(), "one owner of everything needs no masks");
