@@ -14,7 +14,7 @@
 //! the proximal map of the bounds: a function of the pose alone that never moves two poses apart, has no corner (φ is twice
 //! continuously differentiable) but at half a turn of a joint, where a rotation comes from the other side, and never exceeds a bound by the margin. Alone, a bound lets m·e / (m + e) pass.
 
-use crate::arrays::{PoseLimit, limits};
+use crate::arrays::{PoseBound, PoseLimit, limits};
 use crate::skeleton::{Bone, Pose, angle_between_rad};
 use glam::{Quat, Vec3};
 use std::f32::consts::PI;
@@ -77,9 +77,9 @@ fn dot(normal: &[f32], angles: &[f64]) -> f64 {
 fn come_to_rest(limit: &PoseLimit, wanted: &[f64], found: &mut [f64]) {
     let count = wanted.len();
     let margin = f64::from(limit.margin_rad);
-    let excess = |bound: &crate::arrays::PoseBound, at: &[f64]| dot(&bound.normal, at) - f64::from(bound.most_rad);
+    let excess = |bound: &PoseBound, at: &[f64]| dot(&bound.normal, at) - f64::from(bound.most_rad);
     // From the T-pose, which exceeds nothing, toward the pose until a bound has had half its margin.
-    let share = |bound: &crate::arrays::PoseBound| {
+    let share = |bound: &PoseBound| {
         let (along, most) = (dot(&bound.normal, wanted), f64::from(bound.most_rad) + 0.5 * margin);
         if along > most { most / along } else { 1.0 }
     };
@@ -181,7 +181,6 @@ fn rotation(vector: Vec3) -> Quat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arrays::PoseBound;
 
     #[test]
     fn rotation_vectors_come_back() {
