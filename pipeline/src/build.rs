@@ -6,7 +6,7 @@ use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
 use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, weld};
 use glam::Vec3;
-use kitsuke::arrays::SkinWeights;
+use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
 use kitsuke::pack::write::{write, write_with_fit};
@@ -63,9 +63,9 @@ pub fn build_garment(
 
     // The cloth follows the body under it.
     let settings = skin::Settings::default();
-    let obi_bottom_m = source.obi.as_ref().map(|obi| obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)));
-    let (words, origin) = memo.recall(&keys::skin(base, body, obi_bottom_m, &settings), || {
-        skin::skin(base, body, obi_bottom_m, &settings).map(|skin| skin.into_iter().map(to_words).collect())
+    let skirt_top_m = source.skirt_top_m();
+    let (words, origin) = memo.recall(&keys::skin(base, body, skirt_top_m, &settings), || {
+        skin::skin(base, body, skirt_top_m, &settings).map(|skin| skin.into_iter().map(to_words).collect())
     })?;
     let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
     tell("skin", None, origin);
@@ -91,7 +91,14 @@ pub fn build_garment(
     // The pack: small numbers in segments, checked, written, opened again and compared with the files.
     let mut data = compress::compress(source, &skin, &masks, &deltas)?;
     let settings = reach::Settings::default();
-    data.pose_limits = source.pose_limits.iter().map(|limit| reach::bounded(limit, &data.poses, &settings)).collect();
+    for PoseLimit { bones, bounds, .. } in &mut data.pose_limits {
+        let (numbers, origin) = memo.recall(&keys::reach(bones, &data.poses, &settings), || {
+            let found = reach::bounds(bones, &data.poses, &settings);
+            Ok::<_, StageError>(found.into_iter().flat_map(to_numbers).collect())
+        })?;
+        *bounds = numbers.chunks_exact(3 * bones.len() + 1).map(from_numbers).collect();
+        tell("reach", None, origin);
+    }
     data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
     let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
     let garment = checked(data.clone())?;
@@ -103,22 +110,6 @@ pub fn build_garment(
     data.certificate = Some(certificate);
     let garment = checked(data)?;
     tell("certificate", None, Origin::Computed);
-    let (found, origin) = memo.recall(&keys::audit(&garment, body), || {
-        let poses = pose_space::poses(&garment, audit::BUILD_POSES);
-        let depths = audit::audit(body, &garment, &poses).by_pose;
-        Ok::<_, StageError>(
-            depths.iter().map(|d| [d.depth_m.to_bits(), d.pose as u32, d.vertex, d.joint.into()]).collect(),
-        )
-    })?;
-    let depth = |[depth_m, pose, vertex, joint]: &[u32; 4]| Depth {
-        depth_m: f32::from_bits(*depth_m),
-        pose: *pose as usize,
-        vertex: *vertex,
-        joint: *joint as u8,
-    };
-    let inside: Vec<Depth> = found.iter().map(depth).collect();
-    audit::keep_budget(&audit::deepest(&inside), &garment, source)?;
-    tell("audit", None, origin);
 
     // What fitting it to a wearer needs.
     let fit = source.sizes.as_ref().map(|sizes| {
@@ -136,8 +127,26 @@ pub fn build_garment(
         None => write(&garment),
     };
     tell("write", None, Origin::Computed);
+
+    // What the pack is worth.
     let quality = verify::verify(source, &masks, &deltas, &pack)?;
     tell("verify", None, Origin::Computed);
+    let (found, origin) = memo.recall(&keys::audit(&pack, body), || {
+        let poses = pose_space::poses(&garment, audit::BUILD_POSES);
+        let depths = audit::audit(body, &garment, &poses).by_pose;
+        Ok::<_, StageError>(
+            depths.iter().map(|d| [d.depth_m.to_bits(), d.pose as u32, d.vertex, d.joint.into()]).collect(),
+        )
+    })?;
+    let depth = |[depth_m, pose, vertex, joint]: &[u32; 4]| Depth {
+        depth_m: f32::from_bits(*depth_m),
+        pose: *pose as usize,
+        vertex: *vertex,
+        joint: *joint as u8,
+    };
+    let inside: Vec<Depth> = found.iter().map(depth).collect();
+    audit::keep_budget(&audit::deepest(&inside), &garment, source)?;
+    tell("audit", None, origin);
     Ok(Built { pack, garment, fit, quality, inside, remainders, skin, masks, deltas })
 }
 
@@ -163,16 +172,27 @@ fn from_words([a, b, c, d, e, f, g, h]: [u16; 8]) -> SkinWeights {
     SkinWeights { joints: [a, b, c, d].map(|joint| joint as u8), weights: [e, f, g, h] }
 }
 
+/// A bound as the memo keeps it: its normal, then how far it lies.
+fn to_numbers(bound: PoseBound) -> Vec<f32> {
+    [bound.normal, vec![bound.most_rad]].concat()
+}
+
+fn from_numbers(numbers: &[f32]) -> PoseBound {
+    let (normal, most_rad) = numbers.split_at(numbers.len() - 1);
+    PoseBound { normal: normal.to_vec(), most_rad: most_rad[0] }
+}
+
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Garment, Key, SkinWeights, audit, deltas, ir, regions, skin, to_words, weld};
+    use super::{Key, SkinWeights, audit, deltas, ir, reach, regions, skin, to_words, weld};
     use glam::Vec3;
+    use kitsuke::arrays::PoseTable;
     use kitsuke::skeleton::{Bone, Skeleton};
 
-    pub fn skin(base: &ir::Surface, body: &ir::Body, obi_bottom_m: Option<f32>, settings: &skin::Settings) -> Key {
+    pub fn skin(base: &ir::Surface, body: &ir::Body, skirt_top_m: f32, settings: &skin::Settings) -> Key {
         let joints: Vec<u8> = body.skin.iter().flatten().map(|(joint, _)| *joint).collect();
         let weights: Vec<f32> = body.skin.iter().flatten().map(|(_, weight)| *weight).collect();
-        let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {obi_bottom_m:?}"));
+        let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {skirt_top_m:?}"));
         let key = skeleton(key, &body.skeleton).array(&joints).array(&weights);
         surface(surface(key, base), &body.surface)
     }
@@ -204,6 +224,11 @@ mod keys {
         }
     }
 
+    pub fn reach(limited: &[Bone], poses: &PoseTable, settings: &reach::Settings) -> Key {
+        let key = bones(Key::new("reach", reach::VERSION).text(&format!("{settings:?}")), limited);
+        bones(key, &poses.bones).array(&poses.rotations)
+    }
+
     pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {
         let key =
             surface(Key::new("weld", weld::VERSION).text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
@@ -211,9 +236,9 @@ mod keys {
         sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
     }
 
-    pub fn audit(garment: &Garment, body: &ir::Body) -> Key {
+    pub fn audit(pack: &[u8], body: &ir::Body) -> Key {
         let key = Key::new("audit", audit::VERSION).text(&format!("{:?}", body.skin));
-        surface(skeleton(key, &body.skeleton), &body.surface).array(&kitsuke::pack::write::write(garment))
+        surface(skeleton(key, &body.skeleton), &body.surface).array(pack)
     }
 
     fn surface(key: Key, surface: &ir::Surface) -> Key {

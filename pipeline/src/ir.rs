@@ -1,10 +1,10 @@
 //! The checked garment: metres, radians, every reference resolved. What `source` and `check` make and the stages
 //! read; knows no file format.
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Affine3A, Quat, Vec2, Vec3};
 use kitsuke::arrays::PoseLimit;
 use kitsuke::fit::SizeBody;
-use kitsuke::skeleton::{Bone, Skeleton};
+use kitsuke::skeleton::{Bone, Pose, Skeleton};
 use kitsuke::tailoring::RuleSet;
 
 /// A kimono as the artist gave it, checked.
@@ -52,9 +52,11 @@ impl Garment {
     /// Where the skirt begins: the obi's lower edge, or the hips without an obi; metres above the origin.
     #[must_use]
     pub fn skirt_top_m(&self) -> f32 {
-        let hips_m = self.body.skeleton.rest_m(Bone::Hips).map_or(0.0, |rest_m| rest_m.y);
-        let obi = self.obi.as_ref().filter(|obi| !obi.positions_m.is_empty());
-        obi.map_or(hips_m, |obi| obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)))
+        let skeleton = &self.body.skeleton;
+        match &self.obi {
+            Some(obi) => obi.positions_m.iter().fold(f32::MAX, |low, p| low.min(p.y)),
+            None => skeleton.joints()[skeleton.index_of(Bone::Hips).unwrap_or(0)].rest_m.y,
+        }
     }
 }
 
@@ -91,6 +93,19 @@ pub struct Body {
     pub skeleton: Skeleton,
     /// Per vertex up to four (joint index, weight), weights summing to 1.
     pub skin: Vec<[(u8, f32); 4]>,
+}
+
+impl Body {
+    /// The surface in a pose by linear blend skinning, metres.
+    #[must_use]
+    pub fn posed_m(&self, pose: &Pose) -> Vec<Vec3> {
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; self.skeleton.joints().len()];
+        self.skeleton.posed_from_rest(pose, &mut posed_from_rest);
+        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| {
+            weights.iter().map(|&(joint, w)| posed_from_rest[usize::from(joint)].transform_point3(*p) * w).sum()
+        };
+        self.surface.positions_m.iter().zip(&self.skin).map(posed).collect()
+    }
 }
 
 /// One target: a pose and the shape of the kimono in it.

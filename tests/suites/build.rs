@@ -2,12 +2,13 @@
 
 use kitsuke::skeleton::Bone;
 use kitsuke_pipeline::catalog::index::{self, Entry};
-use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Report, Silent};
+use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Progress, Report, Silent};
 use kitsuke_pipeline::memo::{Memo, Origin};
 use kitsuke_pipeline::{Built, build_garment, ir};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::SystemTime;
 use tempfile::TempDir;
 
@@ -140,9 +141,9 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
         let bytes = |place: &Place| fs::read(place.catalog().join(file)).unwrap();
         assert!(bytes(&one) == bytes(&two), "{file} differs between one thread and two");
     }
-    let committed = index::read(&repository().join("catalog/index.toml")).unwrap();
+    let committed = index::read(&repository().join("catalog/index.toml")).unwrap().0;
     assert_eq!(
-        index::differences(&committed, &index::read(&one.catalog().join("index.toml")).unwrap()),
+        index::differences(&committed, &index::read(&one.catalog().join("index.toml")).unwrap().0),
         [""; 0],
         "catalog/index.toml is stale: run cargo xtask build-catalog and commit it"
     );
@@ -168,11 +169,42 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     let report = place.build(Mode::Write);
     let komon = &report.garments[0];
     assert_eq!(komon.reasons, ["komon/poses/13_right_elbow_90.obj changed"]);
-    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "skin", "weld"]);
+    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "reach", "skin", "weld"]);
     assert_eq!(
         runs(komon, Origin::Computed),
         ["audit", "certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
     );
+}
+
+#[test]
+fn an_entry_that_lacks_a_figure_counts_as_not_built() {
+    struct Notes(Mutex<Vec<String>>);
+    impl Progress for Notes {
+        fn note(&self, text: &str) {
+            self.0.lock().unwrap().push(text.to_owned());
+        }
+    }
+    let place = Place::small();
+    place.build(Mode::Write);
+    let index = place.catalog().join("index.toml");
+    let whole = fs::read_to_string(&index).unwrap();
+    let (before, _) = whole.split_once("inside_max_mm").unwrap();
+    let (_, after) = whole.split_once("targets = [").unwrap();
+    let older = format!("{before}targets = [{after}\n[gone]\nbytes = 1\n");
+    fs::write(&index, &older).unwrap();
+    for mode in [Mode::Locked, Mode::Check] {
+        let wanted = ["komon: is not in the index", "gone: is in the index, but its garment is gone"];
+        assert_eq!(place.build(mode).changes, wanted, "{mode:?}");
+        assert_eq!(fs::read_to_string(&index).unwrap(), older, "{mode:?} wrote the index");
+    }
+    let notes = Notes(Mutex::default());
+    let report = catalog::build(&place.options(Mode::Write), &notes).unwrap();
+    assert!(matches!(report.garments[0].outcome, Outcome::Built(_)), "{:?}", report.garments[0]);
+    assert_eq!(fs::read_to_string(&index).unwrap(), whole);
+    let notes = notes.0.into_inner().unwrap();
+    let told =
+        |id: &str| notes.iter().any(|note| note.contains(&format!("index.toml: the entry of {id} lacks figures")));
+    assert!(notes.len() == 2 && told("komon") && told("gone"), "{notes:?}");
 }
 
 #[test]
@@ -233,7 +265,7 @@ fn garments_come_and_go_and_fail_one_by_one() {
         let built = |outcome: &Outcome| matches!(outcome, Outcome::Built(_));
         report.garments.iter().map(|garment| (garment.id.clone(), built(&garment.outcome))).collect()
     };
-    let ids = || index::read(&place.catalog().join("index.toml")).unwrap().into_keys().collect::<Vec<_>>();
+    let ids = || index::read(&place.catalog().join("index.toml")).unwrap().0.into_keys().collect::<Vec<_>>();
     place.build(Mode::Write);
     assert_eq!(ids(), ["komon", "tsumugi", "yukata"]);
 

@@ -1,6 +1,6 @@
 //! `cargo xtask audit`: how deep the cloth lies in the wearer's body, over many poses.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, ended, write_whole};
 use crate::shots;
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Limited};
@@ -45,13 +45,7 @@ const MARKED_M: f32 = 0.002;
 
 /// Measures; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
-    match report(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(report(&args))
 }
 
 fn report(args: &Args) -> Result<(), String> {

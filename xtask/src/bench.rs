@@ -1,7 +1,7 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
 use crate::compare_packs;
-use crate::places::{Places, in_workspace, write_whole};
+use crate::places::{Places, ended, in_workspace, write_whole};
 use glam::Vec3;
 use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
 use kitsuke::fit::texture::{TextureScratch, Texturer};
@@ -46,13 +46,7 @@ const COPIED_BYTES: usize = 256 << 20;
 
 /// Measures; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
-    match bench(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(bench(&args))
 }
 
 fn bench(args: &Args) -> Result<(), String> {

@@ -118,6 +118,10 @@ impl Lines<'_> {
 }
 
 impl Progress for Lines<'_> {
+    fn note(&self, text: &str) {
+        self.print(&[], &[format!("note: {text}")]);
+    }
+
     fn started(&self, id: &str) {
         let Some(bars) = &self.bars else { return self.print(&[], &[format!("{id}: building")]) };
         let style = ProgressStyle::with_template("{prefix}: {spinner} {pos} stages, {msg}").expect("a fixed template");

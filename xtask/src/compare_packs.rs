@@ -1,7 +1,7 @@
 //! `cargo xtask compare-packs ID`: the pack beside what gltfpack and gzip make of the same targets. Both are run when they
 //! are asked for; nothing is built with them.
 
-use crate::places::{Places, in_workspace};
+use crate::places::{Places, in_workspace, printed};
 use glam::Vec3;
 use kitsuke::Pack;
 use kitsuke::arrays::{GarmentData, Target};
@@ -36,16 +36,7 @@ const GRIDS: [u32; 3] = [14, 15, 16];
 
 /// Prints the table; 1 when the kimono cannot be built or gltfpack fails, 0 with a message where there is none.
 pub fn run(args: Args) -> ExitCode {
-    match compare(&args) {
-        Ok(text) => {
-            print!("{text}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    printed(compare(&args))
 }
 
 fn compare(args: &Args) -> Result<String, String> {

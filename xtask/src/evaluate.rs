@@ -1,6 +1,6 @@
 //! `cargo xtask evaluate`: frames as OBJ or NPY, and how far they lie from the target files.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, ended, write_whole};
 use crate::shots::{self, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
@@ -74,13 +74,7 @@ enum Format {
 
 /// Writes the frames; 1 when something cannot be read or written.
 pub fn run(args: Args) -> ExitCode {
-    match evaluate(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(evaluate(&args))
 }
 
 fn evaluate(args: &Args) -> Result<(), String> {

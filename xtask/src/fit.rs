@@ -1,11 +1,10 @@
 //! `cargo xtask fit`: the kimono for every body of a table.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, printed, write_whole};
 use crate::tailor::or_print;
 use kitsuke::fit::{Fit, Fitter, Scratch, Verdict};
 use kitsuke_pipeline::source::measurements::{self, Wearer};
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -33,17 +32,7 @@ pub struct Args {
 pub fn run(args: Args) -> ExitCode {
     let folder = args.bodies.parent().unwrap_or(Path::new(""));
     let Some(wearers) = or_print(measurements::load(&args.bodies), folder) else { return ExitCode::FAILURE };
-    match fit(&args, &wearers) {
-        Ok(text) => {
-            // A reader such as `head` may have gone.
-            _ = std::io::stdout().write_all(text.as_bytes());
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    printed(fit(&args, &wearers))
 }
 
 fn fit(args: &Args, wearers: &[Wearer]) -> Result<String, String> {

@@ -1,5 +1,6 @@
 //! `cargo xtask inspect`: what is in a pack, and what the importer sees in a source file.
 
+use crate::places::printed;
 use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
@@ -21,17 +22,7 @@ pub struct Args {
 
 /// Prints the contents; 1 when the file cannot be read or is none of these.
 pub fn run(args: Args) -> ExitCode {
-    match inspect(&args.file) {
-        Ok(text) => {
-            // A reader such as `head` may have gone.
-            _ = std::io::Write::write_all(&mut std::io::stdout(), text.as_bytes());
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    printed(inspect(&args.file))
 }
 
 fn inspect(path: &Path) -> Result<String, String> {

@@ -1,6 +1,6 @@
 //! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen, and each way of fitting a size.
 
-use crate::places::Places;
+use crate::places::{Places, printed};
 use kitsuke::Garment;
 use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
 use kitsuke_pipeline::measure::size_errors::{self, SizeError};
@@ -23,16 +23,7 @@ pub struct Args {
 
 /// Prints the table; 1 when there is no pack.
 pub fn run(args: Args) -> ExitCode {
-    match if args.sizes { sizes(&args) } else { table(&args) } {
-        Ok(text) => {
-            print!("{text}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    printed(if args.sizes { sizes(&args) } else { table(&args) })
 }
 
 fn table(args: &Args) -> Result<String, String> {

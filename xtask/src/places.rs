@@ -1,11 +1,13 @@
-//! Where packs, sources and outputs lie: what the verbs that show and measure share.
+//! Where packs, sources and outputs lie, and how a verb ends: what the verbs that show and measure share.
 
 use kitsuke::Pack;
 use kitsuke::fit::Fitter;
 use kitsuke_pipeline::catalog::CatalogError;
 use kitsuke_pipeline::{catalog, ir};
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 /// A path of the workspace as seen from the current folder, which may lie inside the workspace; the path as it is where
 /// no folder above holds `assets-src`.
@@ -78,11 +80,25 @@ impl Places {
     }
 }
 
+/// Ends a verb: 1 with a printed error, else 0.
+pub fn ended(done: Result<(), String>) -> ExitCode {
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Ends a verb that has something to say.
+pub fn printed(text: Result<String, String>) -> ExitCode {
+    // A reader such as `head` may have gone.
+    ended(text.map(|text| _ = std::io::stdout().write_all(text.as_bytes())))
+}
+
 /// Writes a file beside its place and renames it, so that nobody sees half of it.
-pub fn write_whole(
-    path: &Path,
-    write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>,
-) -> Result<(), String> {
+pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), String> {
     let beside = path.with_added_extension(format!("{}.part", std::process::id()));
     let written = path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| {
         let mut out = std::io::BufWriter::new(fs::File::create(&beside)?);

@@ -1,6 +1,6 @@
 //! `cargo xtask play`: a live wearer in a kimono, and how well it goes.
 
-use crate::places::Places;
+use crate::places::{Places, ended};
 use crate::shots;
 use crate::wearers;
 use clap::ValueEnum;
@@ -75,13 +75,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Plays until the time is over; 1 when something cannot be read, written or listened to.
 pub fn run(args: Args) -> ExitCode {
-    match play(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(play(&args))
 }
 
 fn play(args: &Args) -> Result<(), String> {

@@ -1,6 +1,6 @@
 //! `cargo xtask preview`: contact sheets of kimono on their wearers.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, ended, write_whole};
 use crate::shots::{self, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
@@ -91,14 +91,7 @@ pub fn run(args: Args) -> ExitCode {
         [] => catalog::garment_ids(&args.places.assets, &[]).map_err(|error| error.to_string()),
         named => Ok(named.to_vec()),
     };
-    let drawn = ids.and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id)));
-    match drawn {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(ids.and_then(|ids| ids.iter().try_for_each(|id| preview(&args, id))))
 }
 
 fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {

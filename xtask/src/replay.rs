@@ -1,6 +1,6 @@
 //! `cargo xtask replay`: a recorded motion becomes a live one.
 
-use crate::places::Places;
+use crate::places::{Places, ended};
 use crate::shots;
 use kitsuke::skeleton::vmc;
 use std::net::{SocketAddr, UdpSocket};
@@ -29,13 +29,7 @@ pub struct Args {
 
 /// Sends all frames; 1 when something cannot be read or sent.
 pub fn run(args: Args) -> ExitCode {
-    match replay(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(replay(&args))
 }
 
 fn replay(args: &Args) -> Result<(), String> {

@@ -1,6 +1,6 @@
 //! `cargo xtask skinning`: what skinning does to a sleeve in poses far from the T-pose, by several methods.
 
-use crate::places::Places;
+use crate::places::{Places, ended};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec3};
 use kitsuke::Garment;
 use kitsuke::arrays::{GarmentData, SkinWeights};
@@ -20,16 +20,7 @@ pub struct Args {
 
 /// Measures; 1 when the pack cannot be read.
 pub fn run(args: Args) -> ExitCode {
-    match args.places.open(&args.garment) {
-        Ok(pack) => {
-            print_tables(pack.garment());
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(args.places.open(&args.garment).map(|pack| print_tables(pack.garment())))
 }
 
 /// How a vertex follows its joints.

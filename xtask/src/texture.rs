@@ -1,6 +1,6 @@
 //! `cargo xtask texture`: how a pattern lies on fitted kimono, with the texture kept, blended and corrected.
 
-use crate::places::{Places, write_whole};
+use crate::places::{Places, ended, write_whole};
 use crate::wearers;
 use glam::{Vec2, Vec3};
 use kitsuke::Garment;
@@ -45,13 +45,7 @@ pub struct Args {
 
 /// Prints; 1 when something cannot be read, fitted or written.
 pub fn run(args: Args) -> ExitCode {
-    match texture(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    ended(texture(&args))
 }
 
 /// A kimono by its weights: a row per part with one for every size.

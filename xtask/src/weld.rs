@@ -1,6 +1,6 @@
 //! `cargo xtask weld ID`: what mixing sizes part by part does to the cloth, and what it costs to pose the result.
 
-use crate::places::Places;
+use crate::places::{Places, printed};
 use kitsuke::fit::{FitData, Transfer};
 use kitsuke::garment::Garment;
 use kitsuke::pack::layout::{self, Tag};
@@ -22,16 +22,7 @@ pub struct Args {
 
 /// Prints the figures; 1 when there is no pack, or one without sizes.
 pub fn run(args: Args) -> ExitCode {
-    match figures(&args) {
-        Ok(text) => {
-            print!("{text}");
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    printed(figures(&args))
 }
 
 fn figures(args: &Args) -> Result<String, String> {

@@ -226,23 +226,30 @@ pub fn to_text(index: &Index) -> String {
     head.to_owned() + &entries.collect::<String>()
 }
 
-/// Reads the index; a missing file is an empty index.
+/// Reads the index, and the garments whose entries are none, because they lack a figure that an earlier version did not write. A
+/// missing file is an empty index.
 ///
 /// # Errors
-/// When the file cannot be read, or is no index (for example after a merge with conflicts).
-pub fn read(path: &Path) -> Result<Index, CatalogError> {
+/// When the file cannot be read, or is no TOML (for example after a merge with conflicts).
+pub fn read(path: &Path) -> Result<(Index, Vec<String>), CatalogError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Index::new()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Default::default()),
         Err(error) => return Err(CatalogError::io(path, &error)),
     };
-    let broken = |problem: String| CatalogError::Index { path: path.to_owned(), problem };
-    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| broken(error.message().to_owned()))?;
-    let entry = |(id, value): (String, toml::Value)| {
-        let entry = value.as_table().and_then(Entry::from_table);
-        entry.map(|entry| (id.clone(), entry)).ok_or_else(|| broken(format!("the entry of {id} is incomplete")))
-    };
-    table.into_iter().map(entry).collect()
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| CatalogError::Index {
+        path: path.to_owned(),
+        line: 1 + error.span().and_then(|span| text.get(..span.start)).map_or(0, |before| before.matches('\n').count()),
+        problem: error.message().to_owned(),
+    })?;
+    let (mut index, mut unreadable) = (Index::new(), Vec::new());
+    for (id, value) in table {
+        match value.as_table().and_then(Entry::from_table) {
+            Some(entry) => drop(index.insert(id, entry)),
+            None => unreadable.push(id),
+        }
+    }
+    Ok((index, unreadable))
 }
 
 /// What differs between two indices, one line each, for people.
@@ -305,10 +312,10 @@ mod tests {
     fn what_is_written_is_read_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("index.toml");
-        assert_eq!(read(&path).unwrap(), Index::new(), "no file, no packs");
+        assert_eq!(read(&path).unwrap(), (Index::new(), Vec::new()), "no file, no packs");
         let index = Index::from([("komon".to_owned(), entry()), ("asagi-2".to_owned(), entry())]);
         std::fs::write(&path, to_text(&index)).unwrap();
-        assert_eq!(read(&path).unwrap(), index);
+        assert_eq!(read(&path).unwrap(), (index.clone(), Vec::new()));
         assert_eq!(differences(&index, &index), [""; 0]);
     }
 
@@ -316,11 +323,18 @@ mod tests {
     fn a_broken_index_is_an_error_that_names_the_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("index.toml");
-        for (text, wanted) in [("<<<<<<< HEAD\n", "index.toml"), ("[komon]\nbytes = 1\n", "komon is incomplete")] {
-            std::fs::write(&path, text).unwrap();
-            let error = read(&path).unwrap_err().to_string();
-            assert!(error.contains(wanted), "{error}");
-        }
+        std::fs::write(&path, "[komon]\nbytes = 1\n<<<<<<< HEAD\n").unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("index.toml:3: ") && error.contains("; restore it, or delete it"), "{error}");
+    }
+
+    #[test]
+    fn an_entry_without_a_figure_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("index.toml");
+        let whole = to_text(&Index::from([("asagi".to_owned(), entry()), ("komon".to_owned(), entry())]));
+        std::fs::write(&path, whole.replacen("inside_max_mm = 41.500\n", "", 1)).unwrap();
+        assert_eq!(read(&path).unwrap(), (Index::from([("komon".to_owned(), entry())]), vec!["asagi".to_owned()]));
     }
 
     #[test]

@@ -29,7 +29,8 @@ pub struct Options {
     pub catalog: PathBuf,
     /// Holds results of stages and records of builds; may be deleted at any time.
     pub cache: PathBuf,
-    /// The garments to build; empty means all, and then what is gone from `assets` goes from the catalog too.
+    /// The garments to build, besides those whose entries of the index cannot be read; empty means all, and then what is gone
+    /// from `assets` goes from the catalog too.
     pub ids: Vec<String>,
     /// What may be written.
     pub mode: Mode,
@@ -93,6 +94,8 @@ impl Report {
 
 /// Told what goes on, from any thread.
 pub trait Progress: Sync {
+    /// Something that a person should know before anything is built.
+    fn note(&self, _text: &str) {}
     /// A garment has to be built.
     fn started(&self, _id: &str) {}
     /// A stage of it is done.
@@ -117,11 +120,13 @@ pub enum CatalogError {
         /// What the system says.
         problem: String,
     },
-    /// The index is no index.
-    #[error("{}: {problem}; restore it, or delete it and build the whole catalog", path.display())]
+    /// The index is no TOML.
+    #[error("{}:{line}: {problem}; restore it, or delete it and build the whole catalog", path.display())]
     Index {
         /// The file.
         path: PathBuf,
+        /// Where, counted from 1.
+        line: usize,
         /// What is wrong.
         problem: String,
     },
@@ -149,9 +154,15 @@ impl CatalogError {
 /// When the catalog cannot be read or written, or a garment asked for does not exist. Mistakes in garments are no
 /// errors here: they are in the report, all together.
 pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, CatalogError> {
-    let ids = garment_ids(&options.assets, &options.ids)?;
+    let named = garment_ids(&options.assets, &options.ids)?;
     let index_path = options.catalog.join("index.toml");
-    let old = index::read(&index_path)?;
+    let (old, unreadable) = index::read(&index_path)?;
+    let mut ids = garment_ids(&options.assets, &[])?;
+    ids.retain(|id| named.contains(id) || unreadable.contains(id));
+    for id in &unreadable {
+        let index = index_path.display();
+        progress.note(&format!("{index}: the entry of {id} lacks figures, so {id} counts as not built"));
+    }
     let builder = builder();
     let memo = Memo::new(&options.cache.join("stages"));
     let job = Job { options, index: &old, builder: &builder, memo: &memo, progress };
@@ -169,6 +180,8 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
         }
     }
     let mut changes = index::differences(&old, &new);
+    let gone = unreadable.iter().filter(|id| !ids.contains(id));
+    changes.extend(gone.map(|id| format!("{id}: is in the index, but its garment is gone")));
     for (garment, pack) in &results {
         let Some(pack) = pack else { continue };
         let agrees = old.get(&garment.id) == new.get(&garment.id);
@@ -186,10 +199,10 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
         }
     }
     if options.mode == Mode::Write {
-        for id in old.keys().filter(|id| !new.contains_key(*id)) {
+        for id in old.keys().chain(&unreadable).filter(|id| !new.contains_key(*id) && !ids.contains(id)) {
             remove(&options.pack_path(id))?;
         }
-        if old != new || !index_path.exists() {
+        if old != new || !unreadable.is_empty() || !index_path.exists() {
             write_renamed(&index_path, index::to_text(&new).as_bytes())?;
         }
     }

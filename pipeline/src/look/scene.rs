@@ -4,10 +4,9 @@ use crate::ir;
 use crate::look::frames::{Shot, Stage, in_source_order};
 use crate::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use crate::look::texture::Texture;
-use glam::{Affine3A, Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
-use kitsuke::skeleton::{Pose, Skeleton};
 
 const BACKGROUND: [u8; 3] = [236; 3];
 const CLOTH: [u8; 3] = [176, 178, 184];
@@ -60,17 +59,13 @@ pub struct Scene<'a> {
     garment: &'a Garment,
     source: Option<&'a ir::Garment>,
     texture: Option<Texture>,
-    context: Vec<Skinned<'a>>,
+    context: Vec<Skinned>,
 }
 
 /// A surface that joints move, in one colour.
 #[derive(Clone, Debug)]
-struct Skinned<'a> {
-    skeleton: &'a Skeleton,
-    positions_m: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
-    /// Per vertex up to four joints and their weights.
-    skin: Vec<[(u8, f32); 4]>,
+struct Skinned {
+    body: ir::Body,
     colour: [u8; 3],
 }
 
@@ -81,7 +76,7 @@ impl<'a> Scene<'a> {
         let texture =
             source.and_then(|source| source.texture_png.as_deref()).and_then(|png| Texture::from_png(png).ok());
         let texture = texture.filter(|_| garment.data().mesh.uv.len() == garment.vertex_count());
-        let body = source.map(|source| wearer(&source.body));
+        let body = source.map(|source| Skinned { body: source.body.clone(), colour: SKIN });
         let obi = source.and_then(|source| source.obi.as_ref()).map(|obi| worn_over(garment, obi));
         Scene { garment, source, texture, context: body.into_iter().chain(obi).collect() }
     }
@@ -90,9 +85,10 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn figure(&self, stage: &mut Stage<'_>, shot: &Shot, colours: Colours) -> Figure {
         let (positions_m, normals) = stage.show(shot);
-        let posed = |surface: &Skinned<'_>| {
-            let positions_m = surface.posed(&shot.pose);
-            let normals = smooth_normals(&positions_m, &surface.triangles);
+        let pose = shot.pose.sanitised();
+        let posed = |Skinned { body, .. }: &Skinned| {
+            let positions_m = body.posed_m(&pose);
+            let normals = smooth_normals(&positions_m, &body.surface.triangles);
             (positions_m, normals)
         };
         Figure {
@@ -158,11 +154,11 @@ impl<'a> Scene<'a> {
             paint,
             inside: figure.colours.is_none().then_some(LINING),
         };
-        let context = self.context.iter().zip(&figure.context).map(|(surface, (positions_m, normals))| Shape {
+        let context = self.context.iter().zip(&figure.context).map(|(skinned, (positions_m, normals))| Shape {
             positions_m,
             normals,
-            triangles: &surface.triangles,
-            paint: Paint::Plain(surface.colour),
+            triangles: &skinned.body.surface.triangles,
+            paint: Paint::Plain(skinned.colour),
             inside: None,
         });
         let shapes: Vec<Shape<'_>> = std::iter::once(cloth).chain(context).collect();
@@ -274,30 +270,8 @@ impl View {
     }
 }
 
-impl Skinned<'_> {
-    /// Positions in a pose by linear blend skinning, metres.
-    fn posed(&self, pose: &Pose) -> Vec<Vec3> {
-        let mut posed_from_rest = vec![Affine3A::IDENTITY; self.skeleton.joints().len()];
-        self.skeleton.posed_from_rest(&pose.sanitised(), &mut posed_from_rest);
-        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| {
-            weights.iter().map(|&(joint, w)| posed_from_rest[usize::from(joint)].transform_point3(*p) * w).sum()
-        };
-        self.positions_m.iter().zip(&self.skin).map(posed).collect()
-    }
-}
-
-fn wearer(body: &ir::Body) -> Skinned<'_> {
-    Skinned {
-        skeleton: &body.skeleton,
-        positions_m: body.surface.positions_m.clone(),
-        triangles: body.surface.triangles.clone(),
-        skin: body.skin.clone(),
-        colour: SKIN,
-    }
-}
-
 /// A band that moves with the cloth under it.
-fn worn_over<'a>(garment: &'a Garment, band: &ir::Surface) -> Skinned<'a> {
+fn worn_over(garment: &Garment, band: &ir::Surface) -> Skinned {
     let data = garment.data();
     let weights_under = |p: &Vec3| {
         let distance = |v: &usize| data.mesh.positions_m[*v].distance_squared(*p);
@@ -305,13 +279,8 @@ fn worn_over<'a>(garment: &'a Garment, band: &ir::Surface) -> Skinned<'a> {
         let skin = nearest.map(|v| data.skin[v]).unwrap_or_default();
         std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0))
     };
-    Skinned {
-        skeleton: &data.skeleton,
-        positions_m: band.positions_m.clone(),
-        triangles: band.triangles.clone(),
-        skin: band.positions_m.iter().map(weights_under).collect(),
-        colour: OBI,
-    }
+    let skin = band.positions_m.iter().map(weights_under).collect();
+    Skinned { body: ir::Body { surface: band.clone(), skeleton: data.skeleton.clone(), skin }, colour: OBI }
 }
 
 /// A colour of its own for every small number.

@@ -1,7 +1,7 @@
 //! The skinned body in a pose, to be asked where places lie. Knows no cloth.
 
 use crate::ir::Body;
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 use kitsuke::skeleton::Pose;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags};
@@ -14,13 +14,7 @@ pub(super) struct PosedBody<'a> {
 
 impl<'a> PosedBody<'a> {
     pub(super) fn new(body: &'a Body, pose: &Pose) -> PosedBody<'a> {
-        let mut transforms = vec![Affine3A::IDENTITY; body.skeleton.joints().len()];
-        body.skeleton.posed_from_rest(pose, &mut transforms);
-        let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| -> Vec3 {
-            weights.iter().map(|&(joint, w)| transforms[usize::from(joint)].transform_point3(*p) * w).sum()
-        };
-        let points = body.surface.positions_m.iter().zip(&body.skin).map(posed);
-        let points = points.map(|p| p.to_array().into()).collect();
+        let points = body.posed_m(pose).iter().map(|p| p.to_array().into()).collect();
         let mesh = TriMesh::with_flags(points, body.surface.triangles.clone(), TriMeshFlags::ORIENTED);
         PosedBody { body, mesh: mesh.expect("the body's surface has triangles") }
     }

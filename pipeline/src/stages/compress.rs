@@ -67,7 +67,7 @@ pub fn compress(
         targets,
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
-        pose_limits: Vec::new(),
+        pose_limits: garment.pose_limits.clone(),
         rbf: None,
         certificate: None,
     })

@@ -5,8 +5,12 @@
 //! from the nearest place of the polytope to the pose.
 
 use super::numbers::Numbers;
-use kitsuke::arrays::{PoseBound, PoseLimit, PoseTable, limits};
+use kitsuke::arrays::{PoseBound, PoseTable, limits};
 use kitsuke::reach::angles;
+use kitsuke::skeleton::Bone;
+
+/// Counts up whenever the same input gives other bounds.
+pub const VERSION: u32 = 1;
 
 /// How closely the bounds enclose the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,14 +27,14 @@ impl Default for Settings {
     }
 }
 
-/// A limit without bounds as one with bounds.
+/// The bounds of the angles of some bones.
 #[must_use]
-pub fn bounded(limit: &PoseLimit, poses: &PoseTable, settings: &Settings) -> PoseLimit {
-    let count = 3 * limit.bones.len();
+pub fn bounds(bones: &[Bone], poses: &PoseTable, settings: &Settings) -> Vec<PoseBound> {
+    let count = 3 * bones.len();
     let mut samples: Vec<Vec<f64>> = Vec::new();
     for row in 0..poses.rows() {
         let mut sample = vec![0.0; count];
-        angles(&limit.bones, &poses.pose(row), &mut sample);
+        angles(bones, &poses.pose(row), &mut sample);
         if !samples.contains(&sample) {
             samples.push(sample);
         }
@@ -52,7 +56,7 @@ pub fn bounded(limit: &PoseLimit, poses: &PoseTable, settings: &Settings) -> Pos
             bounds.push(bound(&apart.iter().map(|x| x / distance).collect::<Vec<_>>(), &samples));
         }
     }
-    PoseLimit { bounds, ..limit.clone() }
+    bounds
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -135,7 +139,6 @@ fn nearest(pose: &[f64], samples: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
     use glam::Quat;
-    use kitsuke::skeleton::Bone;
 
     #[test]
     fn the_nearest_place_of_a_triangle() {
@@ -153,12 +156,12 @@ mod tests {
         let rotations = [[0.0, 0.0], [-0.5, 0.2], [0.2, -0.5]].as_flattened().iter().map(|&x| turn(x)).collect();
         let bones = vec![Bone::LeftUpperLeg, Bone::RightUpperLeg];
         let poses = PoseTable { bones: bones.clone(), rotations };
-        let limit = bounded(&PoseLimit { bones, margin_rad: 0.1, bounds: Vec::new() }, &poses, &Settings::default());
+        let bounds = bounds(&bones, &poses, &Settings::default());
         let exceeds = |left: f32, right: f32| {
             let pose = [left, 0.0, 0.0, right, 0.0, 0.0];
             let along =
                 |bound: &PoseBound| bound.normal.iter().zip(pose).map(|(n, x)| n * x).sum::<f32>() - bound.most_rad;
-            limit.bounds.iter().map(along).fold(0.0, f32::max)
+            bounds.iter().map(along).fold(0.0, f32::max)
         };
         for (left, right) in [(0.0, 0.0), (-0.5, 0.2), (0.2, -0.5), (-0.15, -0.15), (-0.25, 0.1), (0.1, -0.25)] {
             assert!(exceeds(left, right) < 1e-6, "{left}, {right}");

@@ -17,7 +17,7 @@ use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
 /// Counts up whenever the same input gives other weights.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// Where the body's weights are believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,14 +54,14 @@ const CLOTH_BONES: [Bone; 10] = [
 ];
 
 /// Weights for every vertex of the base, at most four joints of the body's skeleton each, left and right leg always alike.
-/// `obi_bottom_m` is the height where the skirt begins; without it that is the height of the hips.
+/// `skirt_top_m` is the height where the skirt begins.
 ///
 /// # Errors
 /// When the body has no surface.
 pub fn skin(
     base: &Surface,
     body: &Body,
-    obi_bottom_m: Option<f32>,
+    skirt_top_m: f32,
     settings: &Settings,
 ) -> Result<Vec<SkinWeights>, StageError> {
     let lent = lend(base, body, settings)?;
@@ -78,7 +78,7 @@ pub fn skin(
             Ok((0..settings.smoothing_rounds).fold(filled, |weights, _| neighbours.smoothed(&weights)))
         })
         .collect::<Result<_, StageError>>()?;
-    let skirt = Skirt::new(&body.skeleton, obi_bottom_m, settings);
+    let skirt = Skirt::new(&body.skeleton, skirt_top_m, settings);
     Ok((0..base.positions_m.len())
         .map(|v| {
             let row: Vec<f64> = columns.iter().map(|column| column[v].max(0.0)).collect();
@@ -166,13 +166,12 @@ struct Skirt {
 }
 
 impl Skirt {
-    fn new(skeleton: &Skeleton, obi_bottom_m: Option<f32>, settings: &Settings) -> Skirt {
+    fn new(skeleton: &Skeleton, top_m: f32, settings: &Settings) -> Skirt {
         let joint = |bone| skeleton.index_of(bone);
         let height_m = |bone| joint(bone).map(|i| skeleton.joints()[i].rest_m.y);
         let pair = |left, right| joint(left).zip(joint(right)).map(|(l, r)| [l as u8, r as u8]);
         let hips = joint(Bone::Hips).unwrap_or(0);
         let hips_m = skeleton.joints()[hips].rest_m.y;
-        let top_m = obi_bottom_m.unwrap_or(hips_m);
         let knee_m = height_m(Bone::LeftLowerLeg).unwrap_or(0.5 * hips_m).min(top_m - 0.05);
         let thighs = pair(Bone::LeftUpperLeg, Bone::RightUpperLeg);
         let shins = thighs.and(pair(Bone::LeftLowerLeg, Bone::RightLowerLeg));
@@ -266,7 +265,7 @@ mod tests {
         ) {
             let row: Vec<f64> = row.iter().zip(cloth_joints(&skeleton())).enumerate()
                 .map(|(j, (&weight, carried_to))| if carried_to == j { weight } else { 0.0 }).collect();
-            let skirt = Skirt::new(&skeleton(), Some(0.8), &Settings { knee_m: 0.15, ..Settings::default() });
+            let skirt = Skirt::new(&skeleton(), 0.8, &Settings { knee_m: 0.15, ..Settings::default() });
             let skin = quantise(&row, &skirt, height_m);
             let of = |joint: u8| -> u32 {
                 skin.joints.iter().zip(skin.weights).filter(|(j, _)| **j == joint).map(|(_, w)| u32::from(w)).sum()
@@ -282,7 +281,7 @@ mod tests {
 
     #[test]
     fn thighs_and_lower_legs_take_over_smoothly() {
-        let skirt = Skirt::new(&skeleton(), None, &Settings { knee_m: 0.15, ..Settings::default() });
+        let skirt = Skirt::new(&skeleton(), 0.9, &Settings { knee_m: 0.15, ..Settings::default() });
         let shares: Vec<[f64; 2]> = (0..=90).map(|cm| skirt.leg_shares(0.9 - 0.01 * cm as f32)).collect();
         let of_legs: Vec<f64> = shares.iter().map(|[thighs, shins]| thighs + shins).collect();
         assert!(of_legs.is_sorted() && of_legs[0] == 0.0 && of_legs[45] > 0.999);

@@ -497,11 +497,13 @@ fn is_name(text: &str) -> bool {
     (1..=limits::NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control)
 }
 
-fn check_count(what: &'static str, count: usize, min: usize, max: usize) -> Result<(), InvalidGarment> {
+/// That there are neither too few elements nor too many.
+pub(crate) fn check_count(what: &'static str, count: usize, min: usize, max: usize) -> Result<(), InvalidGarment> {
     if (min..=max).contains(&count) { Ok(()) } else { Err(InvalidGarment::Count { what, count, min, max }) }
 }
 
-fn check_length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidGarment> {
+/// That an array is as long as what it describes.
+pub(crate) fn check_length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidGarment> {
     if length == expected { Ok(()) } else { Err(InvalidGarment::Length { what, length, expected }) }
 }
 

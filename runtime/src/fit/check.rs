@@ -1,7 +1,7 @@
 //! The one validation of [`FitData`], for those who write packs and those who read them. Knows no bytes.
 
 use super::{Dimension, Field, FitData, SizeBody};
-use crate::arrays::limits as garment_limits;
+use crate::arrays::{InvalidGarment, check_count, check_length, limits as garment_limits};
 use crate::garment::Garment;
 use crate::measurement::Measurement;
 use crate::tailoring::InvalidRules;
@@ -26,28 +26,9 @@ pub mod limits {
 /// Which element of a [`FitData`] is wrong, and what is wrong with it. Elements are numbered from 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidFit {
-    /// There are more elements than the limit, or none where one is needed.
-    #[error("there are {count} {what}; {min} to {max} are possible")]
-    Count {
-        /// Of what there are too many or too few.
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-        /// How many there must be.
-        min: usize,
-        /// How many there may be.
-        max: usize,
-    },
-    /// An array differs in length from what it describes.
-    #[error("there are {length} {what} instead of {expected}")]
-    Length {
-        /// Which array.
-        what: &'static str,
-        /// Its length.
-        length: usize,
-        /// The length it must have.
-        expected: usize,
-    },
+    /// There are too many elements, or too few, or an array differs in length from what it describes.
+    #[error(transparent)]
+    Arrays(#[from] InvalidGarment),
     /// A name is empty, too long, not printable or there twice.
     #[error("the name of {what} {index} must be its own, 1 to {max} bytes of printable text", max = garment_limits::NAME_BYTES)]
     Name {
@@ -114,32 +95,32 @@ impl FitData {
     /// # Errors
     /// Names the first element that breaks a rule.
     pub fn check(&self, garment: &Garment) -> Result<(), InvalidFit> {
-        count("size targets", self.size_count(), 1..=limits::SIZES)?;
+        check_count("size targets", self.size_count(), 1, limits::SIZES)?;
         self.bodies.iter().enumerate().try_for_each(|(i, body)| check_body(i, body, garment))?;
-        count("dimensions", self.dimensions.len(), 1..=limits::DIMENSIONS)?;
+        check_count("dimensions", self.dimensions.len(), 1, limits::DIMENSIONS)?;
         self.dimensions.iter().enumerate().try_for_each(|(i, dimension)| check_dimension(i, dimension, garment))?;
         let parts = &garment.data().mesh.parts;
-        length("parts", self.parts.len(), parts.len())?;
+        check_length("parts", self.parts.len(), parts.len())?;
         if let Some(part) = self.parts.iter().zip(parts).position(|(name, part)| *name != part.name) {
             return Err(InvalidFit::Part(part));
         }
         let field_count = parts.len() * self.size_count();
-        count("deltas", field_count.saturating_mul(garment.unique_count()), 0..=limits::DELTAS)?;
-        length("fields", self.fields.len(), field_count)?;
+        check_count("deltas", field_count.saturating_mul(garment.unique_count()), 0, limits::DELTAS)?;
+        check_length("fields", self.fields.len(), field_count)?;
         self.fields.iter().enumerate().try_for_each(|(i, field)| check_field(i, field, garment))?;
-        length(
+        check_length(
             "sizes with texture coordinates",
             self.uv.len(),
             if self.uv.is_empty() { 0 } else { self.size_count() },
         )?;
         for (size, uv) in self.uv.iter().enumerate() {
-            length("texture coordinates of a size", uv.len(), garment.vertex_count())?;
+            check_length("texture coordinates of a size", uv.len(), garment.vertex_count())?;
             let is_bad = |uv: &glam::Vec2| uv.is_nan() || uv.abs().max_element() > garment_limits::UV;
             if let Some(vertex) = uv.iter().position(is_bad) {
                 return Err(InvalidFit::Uv { size, vertex });
             }
         }
-        count("rule sets", self.rules.len(), 0..=limits::RULES)?;
+        check_count("rule sets", self.rules.len(), 0, limits::RULES)?;
         for (index, rules) in self.rules.iter().enumerate() {
             rules.validate().map_err(|problem| InvalidFit::Rules { index, problem })?;
         }
@@ -156,7 +137,7 @@ fn check_body(index: usize, body: &SizeBody, garment: &Garment) -> Result<(), In
             return Err(InvalidFit::Measurement { body: index, measurement });
         }
     }
-    length("joints of a body", body.joints_m.len(), garment.data().skeleton.joints().len())?;
+    check_length("joints of a body", body.joints_m.len(), garment.data().skeleton.joints().len())?;
     let is_bad = |place: &Vec3| place.is_nan() || place.abs().max_element() > garment_limits::EXTENT_M;
     match body.joints_m.iter().position(is_bad) {
         Some(joint) => Err(InvalidFit::Joint { body: index, joint }),
@@ -181,7 +162,7 @@ fn check_field(index: usize, field: &Field, garment: &Garment) -> Result<(), Inv
     if !(field.step_m > 0.0 && field.step_m <= garment_limits::EXTENT_M / f32::from(i16::MAX)) {
         return Err(InvalidFit::Step(index));
     }
-    length("deltas of a field", field.deltas.len(), garment.unique_count())
+    Ok(check_length("deltas of a field", field.deltas.len(), garment.unique_count())?)
 }
 
 fn is_name(name: &str) -> bool {
@@ -196,13 +177,4 @@ fn distinct<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> 
         }
     }
     Ok(())
-}
-
-fn count(what: &'static str, count: usize, range: std::ops::RangeInclusive<usize>) -> Result<(), InvalidFit> {
-    let (min, max) = (*range.start(), *range.end());
-    if range.contains(&count) { Ok(()) } else { Err(InvalidFit::Count { what, count, min, max }) }
-}
-
-fn length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidFit> {
-    if length == expected { Ok(()) } else { Err(InvalidFit::Length { what, length, expected }) }
 }

@@ -6,7 +6,7 @@
 //! turned vertex by vertex, stretch sleeves that are wider or longer than the base's two to four times as much.
 
 use super::FitData;
-use crate::arrays::{GarmentData, InvalidGarment, Target};
+use crate::arrays::{GarmentData, InvalidGarment, Target, check_length};
 use crate::envelope_cholesky::FactorError;
 use crate::garment::Garment;
 use crate::skeleton::{Joint, Skeleton};
@@ -233,10 +233,6 @@ impl Triangle {
 fn frame([a, b, c]: [Vec3; 3]) -> Option<Mat3> {
     let normal = (b - a).cross(c - a).try_normalize()?;
     Some(Mat3::from_cols(b - a, c - a, normal))
-}
-
-fn check_length(what: &'static str, length: usize, expected: usize) -> Result<(), InvalidGarment> {
-    if length == expected { Ok(()) } else { Err(InvalidGarment::Length { what, length, expected }) }
 }
 
 impl FitData {

@@ -26,6 +26,7 @@ pub(crate) struct Plan {
 /// What a layer does in a segment.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerPart {
+    layer: u8,
     /// Which of the segment's drivers belong to the layer.
     pub(crate) columns: Vec<u8>,
     /// The layer's targets that move the segment.
@@ -88,8 +89,7 @@ impl Plan {
             let mut start = 0;
             for &segment in &target.segments {
                 let segment = usize::from(segment);
-                let drives = |part: &&mut LayerPart| layer_of(data, segment, part.columns[0]) == target.layer;
-                if let Some(part) = segments[segment].iter_mut().find(drives) {
+                if let Some(part) = segments[segment].iter_mut().find(|part| part.layer == target.layer) {
                     part.pieces.push(Piece { target: number as u16, start });
                 }
                 start += data.segments[segment].vertex_count;
@@ -113,21 +113,17 @@ impl Plan {
     }
 }
 
-fn layer_of(data: &GarmentData, segment: usize, column: u8) -> u8 {
-    data.drivers[usize::from(data.segments[segment].drivers[usize::from(column)])].layer
-}
-
 /// The layers of a segment's drivers, ascending, yet without targets.
 fn parts(data: &GarmentData, segment: &Segment) -> Vec<LayerPart> {
     let mut by_layer: BTreeMap<u8, Vec<u8>> = BTreeMap::new();
     for (column, &driver) in segment.drivers.iter().enumerate() {
         by_layer.entry(data.drivers[usize::from(driver)].layer).or_default().push(column as u8);
     }
-    let part = |columns: Vec<u8>| {
+    let part = |(layer, columns): (u8, Vec<u8>)| {
         let sum = |row: &[u16]| columns.iter().map(|&column| u32::from(row[usize::from(column)])).sum::<u32>();
         // Without masks the one driver owns every vertex wholly.
         let is_whole = segment.masks.chunks_exact(segment.drivers.len()).all(|row| sum(row) == u32::from(u16::MAX));
-        LayerPart { columns, pieces: Vec::new(), is_whole }
+        LayerPart { layer, columns, pieces: Vec::new(), is_whole }
     };
-    by_layer.into_values().map(part).collect()
+    by_layer.into_iter().map(part).collect()
 }
