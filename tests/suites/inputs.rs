@@ -183,6 +183,57 @@ fn what_is_lost_is_held_and_fades_and_what_is_doubtful_pulls_slowly() {
     assert!(apart_deg(arm(trusted), poses[80].rotation(Bone::LeftLowerArm)) < 2.0);
 }
 
+/// How far the feet point up in a pose, left before right, degrees.
+fn feet_deg(pose: &Pose) -> [f64; 2] {
+    let wearer = wearer();
+    let posed = Posed::new(&wearer, pose);
+    [Bone::LeftFoot, Bone::RightFoot].map(|foot| elevation_deg((posed.rotation(foot) * glam::Vec3::Z).as_dvec3()))
+}
+
+/// Kinects put the toes of someone who stands 15° below the ankle in one recording, 33° in another, and now and then into the floor.
+#[test]
+fn feet_that_stand_are_flat_and_those_on_tiptoe_are_not() {
+    let wearer = wearer();
+    let rest = motions::positions(Layout::Kinect25, &Posed::new(&wearer, &Pose::REST));
+    for below_deg in [15.0_f64, 33.0] {
+        let drop_m = 0.12 * libm::tan(below_deg.to_radians());
+        let mut text = "{\"kitsuke_motion\":1,\"holds\":\"positions\",\"layout\":\"kinect25\"}\n".to_owned();
+        for frame in 0..60 {
+            let mut joints = rest.clone();
+            // A third of the time the right toes are in the floor; at the end the wearer is on tiptoe.
+            let sunk_m = if frame % 3 == 1 { 0.045 } else { 0.0 };
+            let raised_m = if frame >= 50 { 0.06 } else { 0.0 };
+            for at in joints.iter_mut().flatten() {
+                at[1] += raised_m;
+            }
+            for (ankle, toes, sunk_m) in [(14, 15, 0.0), (18, 19, sunk_m)] {
+                let [x, y, z] = joints[ankle].unwrap();
+                joints[toes] = Some([x, y - raised_m - drop_m - sunk_m, z - 0.12]);
+            }
+            let joints: Vec<_> = joints.into_iter().map(|at| at.map(|[x, y, z]| [x, y, z, 1.0])).collect();
+            text += &format!("{}\n", serde_json::json!({"t": f64::from(frame) / 30.0, "joints": joints}));
+        }
+        let frames = read(text.as_bytes()).frames;
+        for (i, frame) in frames.iter().enumerate() {
+            let feet_deg = feet_deg(&frame.pose);
+            if i < 50 {
+                assert!(feet_deg.iter().all(|up_deg| up_deg.abs() < 1.0), "{below_deg}°, frame {i}: {feet_deg:?}");
+            } else {
+                let down_deg = -feet_deg[0];
+                let tilt_deg = libm::atan2(0.06 + drop_m, 0.12).to_degrees() - below_deg;
+                assert!((down_deg - tilt_deg).abs() < 1.0, "{below_deg}°, frame {i}: {down_deg}°, not {tilt_deg}°");
+            }
+        }
+    }
+    for file in ["kinect_Ges01_wavehand.csv", "kinect_Ges02_balancinghands.csv"] {
+        let Some(bytes) = shared(file) else { return };
+        let feet = read(&bytes).frames.into_iter().flat_map(|frame| feet_deg(&frame.pose));
+        let [low, high] = feet.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], up| [low.min(up), high.max(up)]);
+        println!("{file}: feet {low:.1}° to {high:.1}°");
+        assert!(low > -10.0 && high < 10.0, "{file}: feet of someone who stands point {low}° to {high}° up");
+    }
+}
+
 /// The shared recordings, or nothing where they are absent.
 fn shared(file: &str) -> Option<Vec<u8>> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/motions").join(file);

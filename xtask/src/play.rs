@@ -15,7 +15,12 @@ use std::io::Write;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// Ctrl-C is noticed this soon.
+const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 
 /// Receive a live wearer in the VMC protocol, evaluate the kimono for every pose and print live figures
 #[derive(clap::Args)]
@@ -35,7 +40,7 @@ pub struct Args {
     /// Count only what comes from here
     #[arg(long, value_name = "ADDRESS")]
     source: Option<IpAddr>,
-    /// End after so many seconds [default: on Ctrl-C]
+    /// End after so many seconds [default: on Ctrl-C]; the totals come last
     #[arg(long, value_name = "N", value_parser = seconds)]
     seconds: Option<f64>,
     /// After so many seconds without a pose the wearer counts as lost; the last pose is held
@@ -96,6 +101,10 @@ fn play(args: &Args) -> Result<(), String> {
     wearer.show(&Tracked::UNSEEN, Instant::now());
     let address = listener.address().map_err(|error| error.to_string())?;
     println!("{} listens at {address}", garment.data().id);
+    let is_stopped = Arc::new(AtomicBool::new(false));
+    let stop = Arc::clone(&is_stopped);
+    ctrlc::set_handler(move || stop.store(true, Ordering::Relaxed))
+        .map_err(|error| format!("cannot wait for Ctrl-C: {error}"))?;
     let start = Instant::now();
     let end = args.seconds.map(|seconds| start + Duration::from_secs_f64(seconds));
     let (mut all, mut second) = (Figures::default(), Figures::default());
@@ -106,7 +115,7 @@ fn play(args: &Args) -> Result<(), String> {
     loop {
         let now = Instant::now();
         let until = end.into_iter().chain([reported.0 + Duration::from_secs(1)]).min().unwrap_or(now);
-        listener.wait(until.saturating_duration_since(now), |pose, came| {
+        listener.wait(until.saturating_duration_since(now).min(STOPPED_WITHIN), |pose, came| {
             let began = *first.get_or_insert(came);
             if let (Some(recorder), Ok(())) = (&mut recorder, &unwritten) {
                 unwritten = recorder.write((came - began).as_secs_f64(), pose);
@@ -122,7 +131,7 @@ fn play(args: &Args) -> Result<(), String> {
             is_calibrated = listener.receiver().calibrate();
             println!("calibrated: the sender's rest pose is the one of this moment");
         }
-        let is_over = end.is_some_and(|end| now >= end);
+        let is_over = is_stopped.load(Ordering::Relaxed) || end.is_some_and(|end| now >= end);
         if is_over || now - reported.0 >= Duration::from_secs(1) {
             let counters = listener.receiver().counters();
             let now_s = listener.now_s();
@@ -135,10 +144,11 @@ fn play(args: &Args) -> Result<(), String> {
             break;
         }
     }
-    let Counters { datagrams, ignored, malformed, poses, lost_poses, lost_bones, .. } = listener.receiver().counters();
+    let Counters { datagrams, ignored, malformed, poses, missing_poses, lost_bones, .. } =
+        listener.receiver().counters();
     println!("{}", all.summary());
     println!(
-        "{poses} poses in {datagrams} datagrams; lost {lost_poses} poses and {lost_bones} bones; {malformed} malformed, {ignored} \
+        "{poses} poses in {datagrams} datagrams; missing {missing_poses} poses (lost, or never sent) and {lost_bones} bones; {malformed} malformed, {ignored} \
          ignored, {} from elsewhere",
         listener.foreign_datagrams()
     );
@@ -156,9 +166,9 @@ fn report(second: &Figures, now: &Counters, before: &Counters, passed: Duration,
         count if count == confidences.len() => " (wearer lost)".to_owned(),
         _ => format!(" (below 0.5: {})", doubtful.join(", ")),
     };
-    let lost = now.lost_poses - before.lost_poses;
+    let missing = now.missing_poses - before.missing_poses;
     println!(
-        "{:5.1} fps  {}  lost {lost}  malformed {}  confidence {mean:.2}{who}",
+        "{:5.1} fps  {}  missing {missing}  malformed {}  confidence {mean:.2}{who}",
         second.latencies_s.len() as f64 / passed.as_secs_f64(),
         second.latency(),
         now.malformed - before.malformed,
@@ -199,7 +209,7 @@ impl Wearer<'_> {
         }
     }
 
-    /// Evaluates a pose; returns how long ago its last datagram came.
+    /// Evaluates a pose; returns how long ago its last datagram was received.
     fn show(&mut self, pose: &Tracked, came: Instant) -> Duration {
         let passed_s = self.shown.map_or(0.0, |shown| came.saturating_duration_since(shown).as_secs_f64());
         self.shown = Some(came);
@@ -215,7 +225,7 @@ impl Wearer<'_> {
     }
 }
 
-/// The time from a pose's last datagram to the finished cloth.
+/// The time from when a pose's last datagram is received to the finished cloth; how long it lay in the socket before is not seen.
 #[derive(Default)]
 struct Figures {
     latencies_s: Vec<f64>,
@@ -248,7 +258,7 @@ impl Figures {
             100.0 * count as f64 / self.latencies_s.len().max(1) as f64
         };
         format!(
-            "{} poses evaluated, added latency median {:.3} ms, 99 % {:.3} ms, max {:.3} ms; {:.2} % within a frame at 120 Hz",
+            "{} poses evaluated, latency from receipt of the datagram median {:.3} ms, 99 % {:.3} ms, max {:.3} ms; {:.2} % within a frame at 120 Hz",
             self.latencies_s.len(),
             self.at_ms(0.5),
             self.at_ms(0.99),

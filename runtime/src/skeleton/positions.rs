@@ -5,9 +5,13 @@
 //! - A limb's bone takes the shortest turn from its T-pose direction, seen from the bone above, to the measured one. Its
 //!   length does not matter. Its twist comes from the plane in which elbow or knee bends; where they hardly bend, the
 //!   last twist stays.
+//! - Feet are flat where the recording shows them standing.
 //! - What is not seen stays as it was, seen from the bone above, and its confidence fades; what is seen doubtfully pulls
 //!   slowly. Every pose is valid whatever comes in.
 
+mod feet;
+
+use self::feet::Feet;
 use super::tracked::{Tracked, nearest_to_rest};
 use super::{Bone, Skeleton};
 use glam::{DMat3, DQuat, DVec3, Vec3};
@@ -164,8 +168,6 @@ pub const FADE_S: f64 = 0.5;
 const BEND_RAD: [f64; 2] = [10.0 * DEG, 20.0 * DEG];
 /// Elbows and knees that seem to bend from a farther twist than this are measured wrongly: no shoulder turns so far.
 const FARTHEST_TWIST_RAD: f64 = 120.0 * DEG;
-/// How far below the ankle's level the toes are seen at rest, as the tangent of the angle: ankle height over foot length.
-const TOES_BELOW: f64 = 0.5;
 /// Farthest believable position, metres.
 const FARTHEST_M: f64 = 100.0;
 /// The time step in which a twist at half trust goes half way.
@@ -186,6 +188,7 @@ pub struct Solver {
     twists_rad: [f64; 4],
     /// First pelvis position and the wearer's metres per measured metre.
     origin: Option<(DVec3, f64)>,
+    feet: Feet,
 }
 
 /// The wearer's T-pose as far as it matters.
@@ -253,6 +256,7 @@ impl Solver {
             seen: [false; Bone::COUNT],
             twists_rad: [0.0; 4],
             origin: None,
+            feet: Feet::default(),
         }
     }
 
@@ -272,12 +276,13 @@ impl Solver {
         &self.pose
     }
 
-    /// The poses of frames at these times, in order.
+    /// The poses of frames at these times, in order, with feet as the frames show them.
     pub(super) fn recording<'a>(
         mut self,
         times_s: &[f64],
-        frames: impl Iterator<Item = &'a [Option<Measured>]>,
+        frames: impl Iterator<Item = &'a [Option<Measured>]> + Clone,
     ) -> Vec<Tracked> {
+        self.feet = Feet::of(self.layout, frames.clone());
         let before_s = std::iter::once(0.0).chain(times_s.iter().copied());
         let steps_s = times_s.iter().zip(before_s).map(|(time_s, before_s)| time_s - before_s);
         steps_s.zip(frames).map(|(dt_s, measured)| self.pose(measured, dt_s).clone()).collect()
@@ -389,10 +394,12 @@ impl Solver {
         let upper_along = positions.along(Place::Hip(side), Place::Knee(side));
         let lower_along = positions.along(Place::Knee(side), Place::Ankle(side));
         let turned = self.limb(2 + side, [upper, lower], hips, DVec3::X, [upper_along, lower_along], dt_s);
-        let rest = DVec3::new(0.0, -TOES_BELOW, 1.0).normalize();
-        let toes = positions.along(Place::Ankle(side), Place::Toes(side));
-        let turn =
-            toes.map(|(along, confidence)| (DQuat::from_rotation_arc(rest, turned.inverse() * along), confidence));
+        let ankle = positions.at(Place::Ankle(side));
+        let toes = ankle.zip(positions.along(Place::Ankle(side), Place::Toes(side)));
+        let turn = toes.map(|((ankle_m, _), (along, confidence))| {
+            let along = self.feet.above_the_floor(side, ankle_m, along);
+            (DQuat::from_rotation_arc(self.feet.rest(), turned.inverse() * along), confidence)
+        });
         self.take(foot, turn, dt_s);
     }
 

@@ -22,6 +22,12 @@ const SHORTEST_QUATERNION: f32 = 1e-6;
 const TIMELESS_S: f64 = 1.0;
 /// No sender is faster, seconds between poses.
 const SHORTEST_INTERVAL_S: f64 = 1e-3;
+/// So many of the sender's intervals say what its usual pace is.
+const PACE_INTERVALS: usize = 15;
+/// Of them, from the longest: an interval that is no longer than this one is nothing unusual.
+const UNUSUAL_FROM: usize = 4;
+/// An interval lacks poses if it is longer than what is usual by more than this factor.
+const LACKING: f64 = 1.5;
 /// Longest datagram that is sent, bytes: whole within an Ethernet frame.
 const SENT_DATAGRAM: usize = 1400;
 
@@ -38,10 +44,38 @@ pub struct Counters {
     pub malformed: u64,
     /// Poses.
     pub poses: u64,
-    /// Poses that the sender's time says lie between those that came.
-    pub lost_poses: u64,
+    /// Poses that lack at the sender's usual pace: lost on the way, or left out by the sender. The protocol numbers no poses, so
+    /// that only the sender's times tell, and a sender without a steady pace tells nothing.
+    pub missing_poses: u64,
     /// Bones that were in the pose before and lacked in one.
     pub lost_bones: u64,
+}
+
+/// The last intervals between the sender's times, seconds: a steady sender (a game at 60 Hz) has one length of them, others
+/// (a camera that now and then needs twice as long) have some long ones among them, and change their rate.
+#[derive(Clone, Debug, Default)]
+struct Pace {
+    intervals_s: [f64; PACE_INTERVALS],
+    taken: usize,
+}
+
+impl Pace {
+    fn take(&mut self, interval_s: f64) {
+        self.intervals_s[self.taken % PACE_INTERVALS] = interval_s;
+        self.taken += 1;
+    }
+
+    /// How many poses lack in an interval. None before the pace is known, and none where several of the last intervals were as
+    /// long: half of them say what is usual, the longest but a few what still is nothing unusual.
+    fn missing(&self, interval_s: f64) -> u64 {
+        if self.taken < PACE_INTERVALS {
+            return 0;
+        }
+        let mut sorted_s = self.intervals_s;
+        sorted_s.sort_unstable_by(f64::total_cmp);
+        let (usual_s, long_s) = (sorted_s[PACE_INTERVALS / 2], sorted_s[PACE_INTERVALS - UNUSUAL_FROM]);
+        if interval_s <= LACKING * long_s { 0 } else { (libm::round(interval_s / usual_s) as u64).saturating_sub(1) }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -64,8 +98,7 @@ pub struct Receiver {
     counters: Counters,
     /// When the sender's time came last, and what it said.
     marker: Option<(f64, f32)>,
-    /// The sender's time between poses, seconds, smoothed.
-    interval_s: Option<f64>,
+    pace: Pace,
     /// When the last pose was complete.
     complete_s: Option<f64>,
 }
@@ -84,7 +117,7 @@ impl Receiver {
             pose: Tracked::UNSEEN,
             counters: Counters::default(),
             marker: None,
-            interval_s: None,
+            pace: Pace::default(),
             complete_s: None,
         }
     }
@@ -177,7 +210,7 @@ impl Receiver {
                 if !time_s.is_finite() {
                     return None;
                 }
-                self.count_lost(time_s);
+                self.count_missing(time_s);
                 self.marker = Some((now_s, time_s));
                 if self.coming.iter().any(Option::is_some) {
                     self.complete(now_s, complete);
@@ -188,20 +221,14 @@ impl Receiver {
         }
     }
 
-    /// Poses that lie between the sender's last time and this one, by its usual interval.
-    fn count_lost(&mut self, time_s: f32) {
+    /// Poses that lack between the sender's last time and this one.
+    fn count_missing(&mut self, time_s: f32) {
         let Some((_, before_s)) = self.marker else { return };
         let passed_s = f64::from(time_s) - f64::from(before_s);
-        if !(passed_s > 0.0 && passed_s < TIMELESS_S) {
-            return;
+        if (SHORTEST_INTERVAL_S..TIMELESS_S).contains(&passed_s) {
+            self.counters.missing_poses += self.pace.missing(passed_s);
+            self.pace.take(passed_s);
         }
-        let usual_s = self.interval_s.unwrap_or(passed_s).max(SHORTEST_INTERVAL_S);
-        let intervals = libm::round(passed_s / usual_s);
-        if intervals >= 2.0 {
-            self.counters.lost_poses += intervals as u64 - 1;
-        }
-        // Senders change their rate: a longer interval becomes the usual one, only slowly.
-        self.interval_s = Some(usual_s + 0.1 * (passed_s / intervals.max(1.0) - usual_s));
     }
 
     fn hips_in_the_room_m(&self) -> DVec3 {
