@@ -56,6 +56,7 @@ fn real_women_are_fitted_within_the_bounds() {
         return;
     }
     let (_, fitter) = &*FITTER;
+    let problem = Problem::new(fitter);
     let wearers = measurements::load(&table).unwrap();
     let mut scratch = Scratch::default();
     let mut reachable = 0;
@@ -66,14 +67,81 @@ fn real_women_are_fitted_within_the_bounds() {
         for reach in &fit.dimensions {
             assert!(reach.lowest_m <= reach.reached_m && reach.reached_m <= reach.highest_m, "{reach:?}");
         }
-        let is_reached = fit.dimensions.iter().all(|reach| f64::from(reach.error().abs()) <= TOLERANCE);
-        assert_eq!(fit.verdict == Verdict::Reachable, is_reached, "{:?}", fit.dimensions);
-        assert_eq!(fitter.explain(&fit, &wearer.measurements) == "reachable", is_reached);
+        let is_reached = fit.dimensions.iter().all(|reach| f64::from(reach.error().abs()) <= TOLERANCE + 1e-6);
+        assert_eq!(matches!(fit.verdict, Verdict::Reachable | Verdict::Strayed), is_reached, "{:?}", fit.dimensions);
+        let explained = fitter.explain(&fit, &wearer.measurements);
+        assert_eq!(explained.contains("add a size target"), !is_reached, "{explained}");
         reachable += usize::from(is_reached);
+        if let Verdict::OutOfReach { dimension, nearest_m } = fit.verdict {
+            let error = f64::from(nearest_m / fit.dimensions[dimension].wanted_m - 1.0).abs();
+            assert!(error > TOLERANCE && least_error(&problem, &fit) > TOLERANCE, "{explained}");
+        }
         errors.extend(fit.dimensions.iter().map(|reach| f64::from(reach.error().abs())));
     }
-    assert!(10 * reachable > 8 * wearers.len(), "{reachable} of {}", wearers.len());
-    assert!(errors.iter().sum::<f64>() / errors.len() as f64 <= 0.002);
+    assert!(100 * reachable > 99 * wearers.len(), "{reachable} of {}", wearers.len());
+    assert!(errors.iter().sum::<f64>() / errors.len() as f64 <= 0.001);
+}
+
+/// The greatest error of a dimension where nothing but the bounds counts, by walking from corner to corner of them (Frank and Wolfe).
+fn least_error(problem: &Problem, fit: &Fit) -> f64 {
+    let goal = Goal { stiffness: 0.0, ..Goal::new(problem, fit) };
+    let mut weights: Vec<f64> = fit.weights.iter().copied().map(f64::from).collect();
+    for step in 0..200 {
+        let slope = goal.cost_and_slope(&weights).1;
+        let along = 2.0 / (step as f64 + 8.0);
+        for (weights, slope) in weights.chunks_mut(problem.sizes).zip(slope.chunks(problem.sizes)) {
+            // The base's slope is 0.
+            let slope_of = |body: usize| if body == 0 { 0.0 } else { slope[body - 1] };
+            let more = (0..=problem.sizes).min_by(|&a, &b| slope_of(a).total_cmp(&slope_of(b))).unwrap();
+            let less = (0..=problem.sizes).max_by(|&a, &b| slope_of(a).total_cmp(&slope_of(b))).unwrap();
+            for (size, weight) in weights.iter_mut().enumerate() {
+                *weight += along * (corner_weight(size, more, less) - *weight);
+            }
+        }
+    }
+    let errors = goal.problem.lengths_m(&weights).into_iter().zip(&goal.wanted_m);
+    errors.map(|(length_m, wanted_m)| (length_m / wanted_m - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// Two of them are not what the rules want (one was taken up after cutting); others like them would not help.
+#[test]
+fn nobody_for_whom_a_size_was_made_is_told_to_add_one() {
+    let (_, fitter) = &*FITTER;
+    let mut differing = Vec::new();
+    for (number, own) in fitter.data().bodies.iter().enumerate() {
+        let fit = fitter.fit(&own.measurements, 0, &mut Scratch::default()).unwrap();
+        let explained = fitter.explain(&fit, &own.measurements);
+        assert!(!explained.contains("out of reach"), "{}: {explained}", own.name);
+        if let Verdict::SizeDiffers { dimension, body } = fit.verdict {
+            assert_eq!(body, number, "{explained}");
+            differing.push((own.name.as_str(), fitter.data().dimensions[dimension].name.as_str()));
+        }
+    }
+    assert_eq!(differing, [("b00", "kitake"), ("b03", "sode_guchi_left")]);
+}
+
+/// Where the fit begins to stray, it does so without a jump: the wearers differ by a tenth of a millimetre of stature.
+#[test]
+fn a_fit_that_strays_does_not_jump() {
+    let (_, fitter) = &*FITTER;
+    let wearer = |height_m: f32| {
+        let girths = [(Measurement::BustGirth, 0.85), (Measurement::WaistGirth, 0.68), (Measurement::HipGirth, 0.93)];
+        girths.iter().fold(Measurements::default().with(Measurement::BodyHeight, height_m), |body, &(of, girth_m)| {
+            body.with(of, girth_m)
+        })
+    };
+    let mut last: Option<Fit> = None;
+    let mut strayed = 0;
+    for step in 0..1000 {
+        let fit = fitter.fit(&wearer(1.40 + 1e-4 * step as f32), 0, &mut Scratch::default()).unwrap();
+        strayed += usize::from(fit.verdict == Verdict::Strayed);
+        if let Some(last) = last.filter(|last| fit.verdict == Verdict::Strayed || last.verdict == Verdict::Strayed) {
+            let moved_mm = 1e3 * (fit.moved_m - last.moved_m).abs();
+            assert!(moved_mm < 1.0, "{step}: {moved_mm} mm, {:?} {:?}", last.verdict, fit.verdict);
+        }
+        last = Some(fit);
+    }
+    assert!(strayed > 10, "{strayed}");
 }
 
 #[test]
@@ -120,6 +188,10 @@ fn no_corner_of_the_bounds_lies_downhill() {
     let mut bounded = 0;
     for wearer in mixes(20, 0.0).chain(mixes(20, 0.6)).chain(mixes(20, 2.5)) {
         let fit = fitter.fit(&wearer, 0, &mut Scratch::default()).unwrap();
+        if fit.verdict == Verdict::Strayed {
+            // Nearly flat; only its dimensions are asked for.
+            continue;
+        }
         bounded += usize::from(of_parts(fitter, &fit).any(|part| negative(&part) > EXTRAPOLATION - 1e-4));
         let goal = Goal::new(&problem, &fit);
         let weights: Vec<f64> = fit.weights.iter().copied().map(f64::from).collect();
@@ -332,6 +404,17 @@ impl Problem {
 }
 
 impl Problem {
+    fn lengths_m(&self, weights: &[f64]) -> Vec<f64> {
+        let length_m = |(path, offset_m): (&Vec<[Vec<f64>; 3]>, &f64)| {
+            let along = |coordinate: &Vec<f64>| {
+                coordinate[0] + coordinate[1..].iter().zip(weights).map(|(a, b)| a * b).sum::<f64>()
+            };
+            let edges = path.iter().map(|edge| edge.iter().map(|axis| along(axis).powi(2)).sum::<f64>().sqrt());
+            offset_m + edges.sum::<f64>()
+        };
+        self.paths.iter().zip(&self.offsets_m).map(length_m).collect()
+    }
+
     /// The mean square of what a change of the weights moves, m².
     fn movement(&self, change: &[f64]) -> f64 {
         let rows = self.movement_m2.iter().zip(change);
@@ -351,10 +434,13 @@ impl<'a> Goal<'a> {
     fn new(problem: &'a Problem, fit: &Fit) -> Goal<'a> {
         let of_sizes: Vec<f64> = fit.neighbours[1..].iter().copied().map(f64::from).collect();
         let novelty = f64::from(fit.novelty);
+        let near = 1.0 / (NEAR_M * NEAR_M + novelty * (FAR_M * FAR_M - NEAR_M * NEAR_M)).sqrt();
+        let is_softened = fit.verdict == Verdict::Strayed;
+        assert!((fit.stiffness / near - 1.0).abs() < 1e-6 || is_softened && fit.stiffness < near, "{}", fit.stiffness);
         Goal {
             start: of_sizes.repeat(fit.weights.len() / problem.sizes),
             wanted_m: fit.dimensions.iter().map(|reach| f64::from(reach.wanted_m)).collect(),
-            stiffness: 1.0 / (NEAR_M * NEAR_M + novelty * (FAR_M * FAR_M - NEAR_M * NEAR_M)).sqrt(),
+            stiffness: fit.stiffness,
             problem,
         }
     }

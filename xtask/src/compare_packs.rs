@@ -83,13 +83,20 @@ fn compare(args: &Args) -> Result<String, String> {
     Ok(text)
 }
 
-/// Per target and base vertex what its file has beyond skinning, as far as the masks reach; metres.
+/// Per target and base vertex what its file has beyond skinning, as far as the masks of its layer reach; metres.
 pub fn masked_deltas(source: &ir::Garment, built: &Built) -> Vec<Vec<Vec3>> {
-    let drivers = source.drivers.len();
-    let reach = |v: usize| built.masks[v * drivers..(v + 1) * drivers].iter().map(|&mask| f32::from(mask)).sum::<f32>();
-    let masked =
-        |deltas: &Vec<Vec3>| deltas.iter().enumerate().map(|(v, delta)| *delta * (reach(v) / 65535.0)).collect();
-    built.deltas.iter().map(masked).collect()
+    let masks = built.masks.chunks(source.drivers.len().max(1));
+    let of_target = |(target, deltas_m): (&ir::TargetShape, &Vec<Vec3>)| {
+        let rows = deltas_m.iter().zip(masks.clone());
+        rows.map(|(delta_m, row)| *delta_m * reach(row, &source.drivers, target.layer)).collect()
+    };
+    source.targets.iter().zip(&built.deltas).map(of_target).collect()
+}
+
+/// Which share of a target of this layer the masks of a vertex let through.
+fn reach(row: &[u16], drivers: &[ir::Driver], layer: u8) -> f32 {
+    let of_layer = row.iter().zip(drivers).filter(|(_, driver)| driver.layer == layer);
+    of_layer.map(|(&mask, _)| f32::from(mask)).sum::<f32>() / 65535.0
 }
 
 /// How far the pack's deltas lie from these, per target and vertex, millimetres.
@@ -263,4 +270,23 @@ fn error_mm(glb: &[u8], source: &ir::Garment, wanted_m: &[Vec<Vec3>]) -> Option<
         largest = largest.max(candidates.map(error).min_by(f32::total_cmp)?);
     }
     Some(f64::from(largest) * 1e3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_goes_by_the_masks_of_its_own_layer() {
+        let driver = |layer: u8| ir::Driver {
+            name: String::new(),
+            group: String::new(),
+            joints: Vec::new(),
+            threshold_rad: 1.0,
+            layer,
+        };
+        let drivers = [driver(0), driver(0), driver(1)];
+        let row = [20000, 45535, 65535];
+        assert_eq!([0, 1].map(|layer| reach(&row, &drivers, layer)), [1.0; 2]);
+    }
 }

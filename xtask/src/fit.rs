@@ -39,17 +39,18 @@ fn fit(args: &Args, wearers: &[Wearer]) -> Result<String, String> {
     let fitter = args.places.fitter(&args.places.open(&args.garment)?)?;
     let rules = rule_set(&fitter, args.rules.as_deref())?;
     let mut scratch = Scratch::default();
-    let begin = Instant::now();
+    let mut times_us = Vec::new();
     let fits = wearers.iter().map(|wearer| {
+        let begin = Instant::now();
         let fit = fitter.fit(&wearer.measurements, rules, &mut scratch);
+        times_us.push(begin.elapsed().as_secs_f64() * 1e6);
         fit.map_err(|error| format!("row {}, {}: {error}", wearer.row, wearer.name))
     });
     let fits: Vec<Fit> = fits.collect::<Result<_, String>>()?;
-    let elapsed_s = begin.elapsed().as_secs_f64();
     if let Some(path) = &args.out {
         write_whole(path, |out| out.write_all(table(&fitter, wearers, &fits).as_bytes()))?;
     }
-    Ok(summary(&fitter, &fits, elapsed_s))
+    Ok(summary(&fitter, &fits, times_us))
 }
 
 /// Where the rule set of this name stands; the kimono's own without a name.
@@ -90,31 +91,44 @@ fn quoted(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 
-/// How many are reached, how closely, and what is in the way.
-fn summary(fitter: &Fitter, fits: &[Fit], elapsed_s: f64) -> String {
-    let mut out_of_reach = BTreeMap::new();
+/// How many are reached, how closely, what is in the way, and how long it took.
+fn summary(fitter: &Fitter, fits: &[Fit], times_us: Vec<f64>) -> String {
+    let mut missed = BTreeMap::new();
     for fit in fits {
-        if let Verdict::OutOfReach { dimension } = fit.verdict {
-            *out_of_reach.entry(fitter.data().dimensions[dimension].name.as_str()).or_insert(0) += 1;
-        }
+        let (dimension, how) = match fit.verdict {
+            Verdict::OutOfReach { dimension, .. } => (dimension, "is out of reach"),
+            Verdict::SizeDiffers { dimension, .. } => (dimension, "differs in the size made for such a body"),
+            Verdict::Reachable | Verdict::Strayed => continue,
+        };
+        *missed.entry((how, fitter.data().dimensions[dimension].name.as_str())).or_insert(0) += 1;
     }
-    let reachable = fits.len() - out_of_reach.values().sum::<usize>();
-    let mut text = format!("{} bodies in {elapsed_s:.2} s, {reachable} of them reachable\n", fits.len());
-    let all = || fits.iter().flat_map(|fit| fit.dimensions.iter().map(|reach| f64::from(reach.error().abs())));
-    let of_reachable = fits.iter().filter(|fit| fit.verdict == Verdict::Reachable);
-    let of_reachable = of_reachable.flat_map(|fit| fit.dimensions.iter().map(|reach| f64::from(reach.error().abs())));
-    text += &errors("error of all dimensions", all().collect());
-    text += &errors("error of the reachable", of_reachable.collect());
-    for (name, count) in out_of_reach {
-        text += &format!("{name:<20} out of reach for {count}\n");
+    let of = |verdict: Verdict| fits.iter().filter(move |fit| fit.verdict == verdict);
+    let (near, strayed) = (of(Verdict::Reachable).count(), of(Verdict::Strayed).count());
+    let mut text = format!(
+        "{} bodies: {} reachable, {near} near what neighbouring sizes wear, {strayed} only by moving away from it\n",
+        fits.len(),
+        near + strayed
+    );
+    let errors = |fits: &mut dyn Iterator<Item = &Fit>| {
+        fits.flat_map(|fit| fit.dimensions.iter().map(|reach| 100.0 * f64::from(reach.error().abs()))).collect()
+    };
+    text += &line("error of all dimensions, %", errors(&mut fits.iter()));
+    text += &line("of the reachable bodies, %", errors(&mut of(Verdict::Reachable).chain(of(Verdict::Strayed))));
+    let moved_mm = |verdict| of(verdict).map(|fit| 1e3 * f64::from(fit.moved_m)).collect();
+    text += &line("moved, those near, mm", moved_mm(Verdict::Reachable));
+    text += &line("moved, the others, mm", moved_mm(Verdict::Strayed));
+    text += &line("fit_us", times_us);
+    for ((how, name), count) in missed {
+        text += &format!("{name} {how}: {count}\n");
     }
     text
 }
 
-fn errors(name: &str, mut errors: Vec<f64>) -> String {
-    errors.sort_by(f64::total_cmp);
-    let count = errors.len().max(1);
-    let mean = errors.iter().sum::<f64>() / count as f64;
-    let p95 = errors.get((count - 1) * 95 / 100).copied().unwrap_or(0.0);
-    format!("{name:<24} mean {:.3} %, 95 % below {:.3} %\n", 100.0 * mean, 100.0 * p95)
+fn line(name: &str, mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    let count = values.len().max(1);
+    let mean = values.iter().sum::<f64>() / count as f64;
+    let [median, p95, most] =
+        [50, 95, 100].map(|percent| values.get((count - 1) * percent / 100).copied().unwrap_or(0.0));
+    format!("{name:<28} mean {mean:.3}, median {median:.3}, 95 % below {p95:.3}, at most {most:.3}\n")
 }

@@ -30,7 +30,7 @@ pub fn load(named: &str) -> Result<Vec<Wearer>, String> {
     }
 }
 
-/// The kimono for the one body that `FILE#N` names, by this rule set or its own; says on the error stream what is out of reach.
+/// The kimono for the one body that `FILE#N` names, by this rule set or its own; says on the error stream what is out of the ordinary.
 pub fn fitted_to(places: &Places, pack: &Pack, body: &str, rules: Option<&str>) -> Result<Fitted, String> {
     let fitter = places.fitter(pack)?;
     let rules = rule_set(&fitter, rules)?;

@@ -4,7 +4,7 @@ use crate::places::{Places, printed};
 use kitsuke::fit::{FitData, Transfer};
 use kitsuke::garment::Garment;
 use kitsuke::pack::layout::{self, Tag};
-use kitsuke_pipeline::measure::weld_quality::{Quality, measure, source_shape};
+use kitsuke_pipeline::measure::weld_quality::{Quality, UNEVEN, measure, source_shape};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -34,14 +34,25 @@ fn figures(args: &Args) -> Result<String, String> {
         fit.ok_or_else(|| format!("{} has no sizes; name them in garment.toml: sizes = \"sizes.csv\"", args.id))?;
     let quality = measure(pack.garment(), &fit, args.mixes);
     let bytes = |tag: Tag| pack.sections().iter().filter(|s| s.tag == tag).map(|s| s.stored_length).sum::<usize>();
-    let Quality { mixes, turned, turned_from_agreed, agreed, across, inside, worst_ratio, least_edge } = quality;
+    let Quality {
+        mixes,
+        turned,
+        turned_from_agreed,
+        agreed,
+        across,
+        inside,
+        ratios: [p50, p99, most],
+        uneven,
+        least_edge,
+    } = quality;
     let triangles = pack.garment().triangle_count();
     let mut text = format!(
         "{} parts x {} sizes, {} bytes of fields, {} of texture coordinates, decoded in {decoded_ms:.0} ms\n\
          {mixes} mixes of {triangles} triangles\n\
          turned from base and every size used: {turned}\n\
          turned from one of them where all sources agree ({agreed} triangles): {turned_from_agreed}\n\
-         change of the deformation gradient, 99 %: {across:.3} across seams, {inside:.3} inside parts; worst ratio {worst_ratio:.2}\n\
+         change of the deformation gradient, 99 %: {across:.3} across seams, {inside:.3} inside parts\n\
+         their ratio in single mixes: 50 % {p50:.2}, 99 % {p99:.2}, at most {most:.2}; above {UNEVEN} in {uneven}\n\
          shortest edge: {least_edge:.2} of the shortest in any source\n",
         fit.parts.len(),
         fit.size_count(),

@@ -23,11 +23,16 @@ pub struct Quality {
     pub across: f64,
     /// The same inside the parts.
     pub inside: f64,
-    /// `across / inside` of the mix where it is largest.
-    pub worst_ratio: f64,
+    /// `across / inside` of single mixes: median, 99th percentile and largest.
+    pub ratios: [f64; 3],
+    /// How many mixes have a ratio above [`UNEVEN`].
+    pub uneven: usize,
     /// Shortest edge of any mix, as a share of its shortest length in any source.
     pub least_edge: f64,
 }
+
+/// More than this, relative to what changes inside parts, is a step at a seam.
+pub const UNEVEN: f64 = 1.5;
 
 /// The weights of one mix: per part one per size, at least 0, summing to at most 1; the base has the rest.
 ///
@@ -95,12 +100,13 @@ pub fn measure(garment: &Garment, fit: &FitData, mixes: usize) -> Quality {
     let mut quality =
         Quality { mixes, agreed: cloth.agreed.iter().filter(|agreed| **agreed).count(), ..Quality::default() };
     quality.least_edge = f64::INFINITY;
+    quality.ratios = [50, 99, 100].map(|percent| quantile(measured.iter().map(|mix| mix.ratios[2]).collect(), percent));
     for mix in measured {
         quality.turned += mix.turned;
         quality.turned_from_agreed += mix.turned_from_agreed;
         quality.across += mix.across / mixes as f64;
         quality.inside += mix.inside / mixes as f64;
-        quality.worst_ratio = quality.worst_ratio.max(mix.worst_ratio);
+        quality.uneven += usize::from(mix.ratios[2] > UNEVEN);
         quality.least_edge = quality.least_edge.min(mix.least_edge);
     }
     quality
@@ -189,9 +195,9 @@ impl Cloth {
             f64::from(difference.to_cols_array().iter().map(|x| x * x).sum::<f32>().sqrt())
         };
         let (across, inside): (Vec<_>, Vec<_>) = self.neighbours.iter().partition(|(_, _, is_across)| *is_across);
-        quality.across = p99(across.iter().map(change).collect());
-        quality.inside = p99(inside.iter().map(change).collect());
-        quality.worst_ratio = quality.across / quality.inside;
+        quality.across = quantile(across.iter().map(change).collect(), 99);
+        quality.inside = quantile(inside.iter().map(change).collect(), 99);
+        quality.ratios = [quality.across / quality.inside; 3];
         let shares = self
             .edges
             .iter()
@@ -218,10 +224,10 @@ fn frames(triangles: &[[u32; 3]], positions_m: &[Vec3], normals: &[Vec3]) -> Vec
     triangles.iter().zip(normals).map(frame).collect()
 }
 
-fn p99(mut values: Vec<f64>) -> f64 {
+fn quantile(mut values: Vec<f64>, percent: usize) -> f64 {
     if values.is_empty() {
         return 0.0;
     }
-    let at = (values.len() - 1) * 99 / 100;
+    let at = (values.len() - 1) * percent / 100;
     *values.select_nth_unstable_by(at, f64::total_cmp).1
 }

@@ -1,5 +1,7 @@
 //! Small dense linear algebra in f64 and in a fixed order, so that every machine gets the same bits. Knows nothing of fitting.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// Replaces the lower triangle of a symmetric matrix, `size` rows, by its Cholesky factor, diagonal inverted. `false` when it is not positive
 /// definite.
 #[must_use]
@@ -27,21 +29,53 @@ pub(crate) fn solve(factor: &[f64], size: usize, right: &mut [f64]) {
     solve_upper(factor, size, right);
 }
 
-/// L x = right.
+/// L x = right. Compiled for several sets of vector instructions, all of which give the same bits.
 pub(crate) fn solve_lower(factor: &[f64], size: usize, right: &mut [f64]) {
-    for row in 0..size {
-        let line = &factor[row * size..][..=row];
-        right[row] = (right[row] - dot(&line[..row], &right[..row])) * line[row];
+    Arch::new().dispatch(Lower { factor, size, right });
+}
+
+/// Lᵀ x = right; compiled likewise.
+pub(crate) fn solve_upper(factor: &[f64], size: usize, right: &mut [f64]) {
+    Arch::new().dispatch(Upper { factor, size, right });
+}
+
+struct Lower<'a> {
+    factor: &'a [f64],
+    size: usize,
+    right: &'a mut [f64],
+}
+
+impl WithSimd for Lower<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Lower { factor, size, right } = self;
+        for row in 0..size {
+            let line = &factor[row * size..][..=row];
+            right[row] = (right[row] - dot(&line[..row], &right[..row])) * line[row];
+        }
     }
 }
 
-/// Lᵀ x = right.
-pub(crate) fn solve_upper(factor: &[f64], size: usize, right: &mut [f64]) {
-    for row in (0..size).rev() {
-        let line = &factor[row * size..][..=row];
-        let value = right[row] * line[row];
-        right[row] = value;
-        add_scaled(&mut right[..row], -value, &line[..row]);
+struct Upper<'a> {
+    factor: &'a [f64],
+    size: usize,
+    right: &'a mut [f64],
+}
+
+impl WithSimd for Upper<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Upper { factor, size, right } = self;
+        for row in (0..size).rev() {
+            let line = &factor[row * size..][..=row];
+            let value = right[row] * line[row];
+            right[row] = value;
+            add_scaled(&mut right[..row], -value, &line[..row]);
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::dense::{cholesky, solve_lower};
 use super::neighbours::Neighbours;
 use super::paths::Paths;
 use super::range::extremes_m;
+use super::soften::{Solution, Task};
 use super::solve::{Memory, Problem};
 use super::{Field, FitData, InvalidFit};
 use crate::garment::Garment;
@@ -25,6 +26,9 @@ pub const NEAR_M: f64 = 1.0 / 9.0;
 
 /// The same far from all bodies, where little is known.
 pub const FAR_M: f64 = 1.0 / 3.0;
+
+/// Nearer to a size's own body than this, by [`Fit::novelty`], its shape is known and needs no further size: about a centimetre of height.
+const KNOWN: f64 = 0.05;
 
 /// What a weight of 1 costs beside the movement that it makes, metres; keeps sizes that hardly differ from standing against each other.
 pub const RIDGE_M: f64 = 1e-3;
@@ -58,7 +62,8 @@ pub struct Scratch {
     neighbours: Vec<f64>,
     start: Vec<f64>,
     wanted_m: Vec<f64>,
-    weights: Vec<f64>,
+    near: Solution,
+    soft: Solution,
 }
 
 /// A fitted kimono.
@@ -74,8 +79,12 @@ pub struct Fit {
     pub dimensions: Vec<Reach>,
     /// Whether all are as wanted.
     pub verdict: Verdict,
-    /// What was minimised, for comparison with other solvers.
+    /// How far the kimono is from what the neighbours wear, root mean square over the cloth, metres.
+    pub moved_m: f32,
+    /// What was minimised, for comparison with other solvers: squared relative errors of the dimensions, and stiffness times movement squared.
     pub cost: f64,
+    /// What a metre of movement costs, as a relative error: 1 over [`NEAR_M`] to [`FAR_M`], less where a dimension was missed otherwise.
+    pub stiffness: f64,
 }
 
 /// What became of a dimension, metres along the surface.
@@ -100,14 +109,26 @@ impl Reach {
 }
 
 /// Whether the sizes can give what is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// Every dimension is within [`TOLERANCE`].
+    /// Every dimension is within [`TOLERANCE`], near what the neighbours wear.
     Reachable,
-    /// This dimension is the farthest from what is wanted.
-    OutOfReach {
-        /// Its number in [`FitData::dimensions`].
+    /// Every dimension is within [`TOLERANCE`], but only with sizes mixed otherwise than such bodies wear them: a shape that no target vouches
+    /// for, [`Fit::moved_m`] away.
+    Strayed,
+    /// A size was made for such a body, and a dimension of it is not what is wanted. The size stays as it is.
+    SizeDiffers {
+        /// The dimension, by its number in [`FitData::dimensions`].
         dimension: usize,
+        /// Whose size it is, by its number in [`FitData::bodies`].
+        body: usize,
+    },
+    /// No weights within the bounds give all dimensions; the kimono is near what the neighbours wear.
+    OutOfReach {
+        /// The one that stays farthest from what is wanted, by its number in [`FitData::dimensions`].
+        dimension: usize,
+        /// How long it is where all dimensions come as near as they can, metres.
+        nearest_m: f32,
     },
 }
 
@@ -206,20 +227,28 @@ impl Fitter {
             let length_m = f64::from(ruled_m[drape.rule]) * drape.draped_per_ruled;
             scratch.wanted_m.push(plausible_m(&dimension.name, length_m)?);
         }
-        let Scratch { memory, neighbours, start, wanted_m, weights } = scratch;
-        let problem = &self.problem;
-        neighbours.resize(problem.sizes + 1, 0.0);
+        let Scratch { memory, neighbours, start, wanted_m, near, soft } = scratch;
+        neighbours.resize(self.problem.sizes + 1, 0.0);
         let novelty = self.neighbours.weights(wearer, neighbours);
         start.clear();
         self.data.parts.iter().for_each(|_| start.extend_from_slice(&neighbours[1..]));
-        weights.resize(start.len(), 0.0);
         let stiffness = 1.0 / (NEAR_M * NEAR_M + novelty * (FAR_M * FAR_M - NEAR_M * NEAR_M)).sqrt();
-        let cost = problem.solve(start, wanted_m, stiffness, weights, memory);
-        let lengths_m = wanted_m.iter().zip(&memory.lengths_m);
-        let worst = lengths_m.enumerate().map(|(i, (wanted_m, reached_m))| ((reached_m / wanted_m - 1.0).abs(), i));
-        let verdict = match worst.max_by(|a, b| a.0.total_cmp(&b.0)) {
-            Some((error, dimension)) if error > TOLERANCE => Verdict::OutOfReach { dimension },
-            _ => Verdict::Reachable,
+        near.weights.clone_from(start);
+        let task = Task { problem: &self.problem, start, wanted_m, tolerance: TOLERANCE };
+        task.solve(stiffness, near, memory);
+        let (solution, verdict) = match task.worst(near) {
+            (error, _) if error <= TOLERANCE => (near, Verdict::Reachable),
+            (_, dimension) if novelty < KNOWN => (near, Verdict::SizeDiffers { dimension, body: greatest(neighbours) }),
+            _ => {
+                task.soften(near, soft, memory);
+                match task.worst(soft) {
+                    // What cannot be had is no reason to leave what such bodies wear.
+                    (error, dimension) if error > TOLERANCE => {
+                        (near, Verdict::OutOfReach { dimension, nearest_m: soft.lengths_m[dimension] as f32 })
+                    }
+                    _ => (soft, Verdict::Strayed),
+                }
+            }
         };
         let reach = |((&wanted_m, &reached_m), &(lowest_m, highest_m)): ((&f64, &f64), &(f64, f64))| Reach {
             wanted_m: wanted_m as f32,
@@ -228,29 +257,42 @@ impl Fitter {
             highest_m: highest_m as f32,
         };
         Ok(Fit {
-            weights: weights.iter().map(|&weight| weight as f32).collect(),
+            weights: solution.weights.iter().map(|&weight| weight as f32).collect(),
             neighbours: neighbours.iter().map(|&weight| weight as f32).collect(),
             novelty: novelty as f32,
-            dimensions: wanted_m.iter().zip(&memory.lengths_m).zip(&self.ranges_m).map(reach).collect(),
+            dimensions: wanted_m.iter().zip(&solution.lengths_m).zip(&self.ranges_m).map(reach).collect(),
             verdict,
-            cost,
+            moved_m: solution.moved_m as f32,
+            cost: solution.cost,
+            stiffness: solution.stiffness,
         })
     }
 
-    /// The verdict in words: which dimension is out of reach, and which size target would help.
+    /// The verdict in words: how far the kimono strays, or which dimension is out of reach and which size target would help.
     #[must_use]
     pub fn explain(&self, fit: &Fit, wearer: &Measurements) -> String {
-        let Verdict::OutOfReach { dimension } = fit.verdict else { return "reachable".to_owned() };
-        let (name, reach) = (&self.data.dimensions[dimension].name, &fit.dimensions[dimension]);
-        let side = if reach.wanted_m > reach.reached_m { "above" } else { "below" };
-        let body =
-            [("height", Measurement::BodyHeight), ("bust", Measurement::BustGirth), ("hip", Measurement::HipGirth)];
-        let body = body
-            .iter()
-            .filter_map(|&(name, measurement)| Some(format!("{name} {:.0}", 100.0 * wearer.get(measurement)?)));
-        let body = body.collect::<Vec<_>>().join(", ");
-        let reached_cm = 100.0 * reach.reached_m;
-        format!("{name} {side} {reached_cm:.1} cm is out of reach; add a size target of about {body} cm")
+        let name = |dimension: usize| &self.data.dimensions[dimension].name;
+        match fit.verdict {
+            Verdict::Reachable => "reachable".to_owned(),
+            Verdict::Strayed => {
+                let moved_mm = 1e3 * fit.moved_m;
+                format!("reachable only by moving {moved_mm:.0} mm away from what neighbouring sizes wear")
+            }
+            Verdict::SizeDiffers { dimension, body } => {
+                let (name, size) = (name(dimension), &self.data.bodies[body].name);
+                let percent = 100.0 * fit.dimensions[dimension].error();
+                format!(
+                    "{name} of size {size}, which was made for such a body, differs by {percent:+.1} % from what is wanted; \
+                     check the rules or drape {size} anew"
+                )
+            }
+            Verdict::OutOfReach { dimension, nearest_m } => {
+                let side = if fit.dimensions[dimension].wanted_m > nearest_m { "above" } else { "below" };
+                let (name, nearest_cm) = (name(dimension), 100.0 * nearest_m);
+                let body = measured(wearer);
+                format!("{name} {side} {nearest_cm:.1} cm is out of reach; add a size target of about {body} cm")
+            }
+        }
     }
 
     /// Writes the fitted kimono in the T-pose: the unique vertices, metres.
@@ -264,6 +306,18 @@ impl Fitter {
         let positions_m = bytemuck::cast_slice_mut(positions_m);
         Arch::new().dispatch(Shape { base_m, fields: &self.data.fields, weights: &fit.weights, positions_m });
     }
+}
+
+/// Where the greatest value stands.
+fn greatest(values: &[f64]) -> usize {
+    (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0)
+}
+
+/// What tells one body from another, in cm, as far as it is known.
+fn measured(wearer: &Measurements) -> String {
+    let known = [("height", Measurement::BodyHeight), ("bust", Measurement::BustGirth), ("hip", Measurement::HipGirth)];
+    let known = known.iter().filter_map(|&(name, of)| Some(format!("{name} {:.0}", 100.0 * wearer.get(of)?)));
+    known.collect::<Vec<_>>().join(", ")
 }
 
 /// The base plus fields times weights, coordinate by coordinate. Compiled for several sets of vector instructions, all of which give the same

@@ -7,6 +7,7 @@ mod fitter;
 mod neighbours;
 mod paths;
 mod range;
+mod soften;
 mod solve;
 pub mod texture;
 mod transfer;

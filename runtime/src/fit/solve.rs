@@ -85,8 +85,8 @@ impl Problem {
         self.paths.unknowns()
     }
 
-    /// Minimises `Σ λ ((length - wanted) / wanted)² + (stiffness |z|)²`. Writes the weights and returns the cost; the lengths are left in the
-    /// memory.
+    /// Minimises `Σ λ ((length - wanted) / wanted)² + (stiffness |z|)²` from the given weights on. Writes the weights and returns the cost; the
+    /// lengths and z are left in the memory.
     pub(crate) fn solve(
         &self,
         start: &[f64],
@@ -97,10 +97,8 @@ impl Problem {
     ) -> f64 {
         memory.resize(self.unknowns(), self.paths.count());
         self.origin(start, memory);
-        weights.copy_from_slice(start);
-        if self.pull_within(weights) {
-            self.place(start, weights, memory);
-        }
+        self.pull_within(weights);
+        self.place(start, weights, memory);
         let mut cost = self.look(wanted_m, stiffness, memory);
         for _ in 0..STEPS {
             self.model(start, stiffness, memory);
@@ -279,6 +277,11 @@ pub(crate) fn negative(weights: &[f64]) -> (f64, u128) {
 }
 
 impl Memory {
+    /// How far the last solution is from its start, root mean square, metres.
+    pub(crate) fn moved_m(&self) -> f64 {
+        dot(&self.z, &self.z).sqrt()
+    }
+
     fn resize(&mut self, unknowns: usize, dimensions: usize) {
         let resize = |values: &mut Vec<f64>, length| values.resize(length, 0.0);
         let Memory { z, last_z, gradient, step, free, next, weights, .. } = self;
