@@ -12,6 +12,7 @@ use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke_pipeline::measure::size_errors::{self, Method, SizeError};
 use kitsuke_pipeline::source::{measurements, rules};
 use serde_json::json;
+use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 use std::sync::LazyLock;
@@ -264,7 +265,8 @@ fn another_solver_finds_nothing_better() {
 fn scipy_finds_the_same_cost() {
     let is_here = Command::new("python3").args(["-c", "import numpy, scipy.optimize"]).output();
     if !is_here.is_ok_and(|output| output.status.success()) {
-        println!("skipped: no python3 with scipy here");
+        // Past the capture of a test that passes, so that nobody takes it for one that ran.
+        let _ = writeln!(std::io::stderr(), "SKIPPED: scipy_finds_the_same_cost needs a python3 with numpy and scipy");
         return;
     }
     let (_, fitter) = &*FITTER;

@@ -158,10 +158,21 @@ fn assert_cm(wearer: &Wearer, expected: &[(Measurement, f32)]) {
 }
 
 #[test]
+fn the_bounds_themselves_are_plausible() {
+    for (measurement, bounds) in Measurement::ALL.map(|m| (m, m.plausible_m())) {
+        for bound_m in [bounds.0, bounds.1] {
+            // As people write it.
+            let text = format!("{}_cm\n{:.1}\n", measurement.name(), f64::from(bound_m) * 100.0);
+            assert!(measurements::read("table.csv", text.as_bytes()).is_ok(), "{text}");
+        }
+    }
+}
+
+#[test]
 fn all_formats_tell_the_same_of_one_woman() {
     use Measurement::*;
     let said = [(BodyHeight, 158.0), (HipGirth, 91.0), (BustGirth, 83.0), (BackNeckToWrist, 66.29)];
-    for file in ["hanako.csv", "hanako.toml"] {
+    for file in ["hanako.csv", "hanako_shift_jis.csv", "hanako_utf16.csv", "hanako.toml"] {
         let wearers = table(file);
         let names: Vec<&str> = wearers.iter().map(|wearer| wearer.name.as_str()).collect();
         assert_eq!(names, ["花子", "row 2"], "{file}");

@@ -205,7 +205,7 @@ impl JsonSchema for Angle {
 }
 
 /// Splits `"1.3 shaku"`; the number is finite.
-fn number_and_unit(value: &toml::Value) -> Option<(f64, &str)> {
+pub(super) fn number_and_unit(value: &toml::Value) -> Option<(f64, &str)> {
     let text = value.as_str()?.trim();
     let unit_start = text.rfind(|c: char| !c.is_ascii_alphabetic())? + 1;
     let (number, unit) = text.split_at_checked(unit_start)?;

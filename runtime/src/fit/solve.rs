@@ -71,9 +71,9 @@ pub(crate) struct Memory {
     next: Vec<f64>,
     weights: Vec<f64>,
     cuts: Vec<Cut>,
-    /// Normals of the cuts, and what a unit of multiplier moves.
+    /// Normals of the cuts, and what the system's lower factor makes of them.
     normals: Vec<f64>,
-    moves: Vec<f64>,
+    lowered: Vec<f64>,
     gram: Vec<f64>,
     excess: Vec<f64>,
     multipliers: Vec<f64>,
@@ -215,8 +215,7 @@ impl Problem {
         memory.free.iter_mut().zip(&memory.z).for_each(|(free, z)| *free = z - *free);
         // Cuts that mattered in the step before most likely matter again.
         memory.keep_active_cuts();
-        let known = memory.cuts.len();
-        (0..known).for_each(|cut| self.prepare(cut, start, memory));
+        (0..memory.cuts.len()).for_each(|cut| self.prepare(cut, start, memory));
         for _ in 0..ROUNDS {
             memory.solve_dual(unknowns);
             let mut weights = std::mem::take(&mut memory.weights);
@@ -230,7 +229,9 @@ impl Problem {
                 let cut = Cut { part, negative };
                 if memory.cuts.len() < CUTS && !memory.cuts.contains(&cut) {
                     memory.cuts.push(cut);
-                    self.prepare(memory.cuts.len() - 1, start, memory);
+                    let cut = memory.cuts.len() - 1;
+                    self.normal(cut, memory);
+                    self.prepare(cut, start, memory);
                 }
             }
             memory.weights = weights;
@@ -243,26 +244,34 @@ impl Problem {
         }
     }
 
-    /// Normal, move and excess of a cut, and its products with those before.
+    /// The normal of a cut: -Σ w over its set, where the base's weight is 1 less those of all sizes, by the unknowns.
+    fn normal(&self, cut: usize, memory: &mut Memory) {
+        let Cut { part, negative } = memory.cuts[cut];
+        let normal = &mut memory.normals[cut * self.unknowns()..][..self.unknowns()];
+        normal.fill(0.0);
+        for (size, slope) in normal[part * self.sizes..][..self.sizes].iter_mut().enumerate() {
+            *slope = (negative & 1) as f64 - (negative >> (size + 1) & 1) as f64;
+        }
+        solve_lower(&self.factor, self.unknowns(), normal);
+    }
+
+    /// Excess of a cut over the bound at the free minimum, and its products with those before.
     fn prepare(&self, cut: usize, start: &[f64], memory: &mut Memory) {
         let unknowns = self.unknowns();
         let Cut { part, negative } = memory.cuts[cut];
-        // -Σ w over the set; the base's weight is 1 less those of all sizes.
-        let base = negative & 1;
-        let normal = &mut memory.normals[cut * unknowns..][..unknowns];
-        normal.fill(0.0);
-        for (size, slope) in normal[part * self.sizes..][..self.sizes].iter_mut().enumerate() {
-            *slope = base as f64 - (negative >> (size + 1) & 1) as f64;
-        }
-        let at_start = dot(normal, start);
-        solve_lower(&self.factor, unknowns, normal);
-        let moves = &mut memory.moves[cut * unknowns..][..unknowns];
-        moves.copy_from_slice(normal);
-        solve(&memory.system, unknowns, moves);
-        memory.excess[cut] = dot(normal, &memory.free) + at_start - base as f64 - self.extrapolation;
-        for other in 0..=cut {
-            let product =
-                dot(&memory.normals[other * unknowns..][..unknowns], &memory.moves[cut * unknowns..][..unknowns]);
+        let of_part = &start[part * self.sizes..][..self.sizes];
+        let sum = |from: f64, (size, weight): (usize, &f64)| from - (negative >> (size + 1) & 1) as f64 * weight;
+        let base = (negative & 1) as f64 * (of_part.iter().sum::<f64>() - 1.0);
+        let at_start = of_part.iter().enumerate().fold(base, sum);
+        let normal = &memory.normals[cut * unknowns..][..unknowns];
+        memory.excess[cut] = dot(normal, &memory.free) + at_start - self.extrapolation;
+        let lowered = &mut memory.lowered[cut * unknowns..][..unknowns];
+        lowered.copy_from_slice(normal);
+        solve_lower(&memory.system, unknowns, lowered);
+        let (others, lowered) = memory.lowered.split_at(cut * unknowns);
+        let lowered = &lowered[..unknowns];
+        for (other, of_other) in others.chunks_exact(unknowns).chain([lowered]).enumerate() {
+            let product = dot(of_other, lowered);
             memory.gram[cut * CUTS + other] = product;
             memory.gram[other * CUTS + cut] = product;
         }
@@ -299,7 +308,7 @@ impl Memory {
         }
         self.secant.fill(0.0);
         resize(&mut self.normals, CUTS * unknowns);
-        resize(&mut self.moves, CUTS * unknowns);
+        resize(&mut self.lowered, CUTS * unknowns);
         resize(&mut self.gram, CUTS * CUTS);
         resize(&mut self.excess, CUTS);
         self.multipliers.clear();
@@ -341,21 +350,32 @@ impl Memory {
     }
 
     fn keep_active_cuts(&mut self) {
-        let mut multipliers = self.multipliers.iter();
-        self.cuts.retain(|_| multipliers.next().is_some_and(|&multiplier| multiplier > 0.0));
-        self.multipliers.retain(|&multiplier| multiplier > 0.0);
+        let unknowns = self.z.len();
+        let mut kept = 0;
+        for cut in 0..self.multipliers.len() {
+            if self.multipliers[cut] > 0.0 {
+                self.cuts[kept] = self.cuts[cut];
+                self.multipliers[kept] = self.multipliers[cut];
+                self.normals.copy_within(cut * unknowns..(cut + 1) * unknowns, kept * unknowns);
+                kept += 1;
+            }
+        }
+        self.cuts.truncate(kept);
+        self.multipliers.truncate(kept);
     }
 
     /// The multipliers of all cuts, and where they leave the unknowns.
     fn solve_dual(&mut self, unknowns: usize) {
         self.multipliers.resize(self.cuts.len(), 0.0);
         self.dual.solve(&self.gram, &self.excess, &mut self.multipliers);
-        self.next.copy_from_slice(&self.free);
-        for (moves, &multiplier) in self.moves.chunks_exact(unknowns).zip(&self.multipliers) {
+        self.next.fill(0.0);
+        for (lowered, &multiplier) in self.lowered.chunks_exact(unknowns).zip(&self.multipliers) {
             if multiplier > 0.0 {
-                add_scaled(&mut self.next, -multiplier, moves);
+                add_scaled(&mut self.next, -multiplier, lowered);
             }
         }
+        solve_upper(&self.system, unknowns, &mut self.next);
+        add_scaled(&mut self.next, 1.0, &self.free);
     }
 }
 

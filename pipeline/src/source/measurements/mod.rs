@@ -5,10 +5,12 @@ mod ansur;
 mod freesewing;
 mod own;
 mod seamly;
+mod seamly_formula;
 
 use super::folder;
 use super::units::LengthUnit;
 use crate::diagnostic::{self, Diagnostic, Place};
+use encoding_rs::{Encoding, SHIFT_JIS, UTF_8};
 use kitsuke::measurement::{Measurement, Measurements};
 use std::fmt;
 use std::path::Path;
@@ -66,6 +68,8 @@ pub fn load(path: &Path) -> Result<Vec<Wearer>, Vec<Diagnostic>> {
 /// Everything that is wrong with it.
 pub fn read(file: &str, bytes: &[u8]) -> Result<Vec<Wearer>, Vec<Diagnostic>> {
     let mut report = Vec::new();
+    let decoded = decoded(bytes);
+    let bytes = decoded.as_deref().map_or(bytes, str::as_bytes);
     let wearers = match recognise(bytes) {
         _ if bytes.trim_ascii().is_empty() => {
             report.push(
@@ -90,6 +94,20 @@ pub fn read(file: &str, bytes: &[u8]) -> Result<Vec<Wearer>, Vec<Diagnostic>> {
         );
     }
     if report.is_empty() { Ok(wearers) } else { Err(diagnostic::sorted(report)) }
+}
+
+/// The text of a file in one of the two other encodings in which spreadsheets save: UTF-16, and the Shift-JIS of Japanese Windows, which is told by
+/// its kana and kanji. `None` where it is in neither.
+fn decoded(bytes: &[u8]) -> Option<String> {
+    let is_table = || std::str::from_utf8(bytes).is_err() && recognise(bytes) == Format::Table;
+    let (encoding, encoded) = match Encoding::for_bom(bytes) {
+        Some((encoding, length)) if encoding != UTF_8 => (encoding, &bytes[length..]),
+        None if is_table() => (SHIFT_JIS, bytes),
+        _ => return None,
+    };
+    let text = encoding.decode_without_bom_handling_and_without_replacement(encoded)?;
+    let is_japanese = || text.chars().any(|c| matches!(c, '\u{3041}'..='\u{30ff}' | '\u{4e00}'..='\u{9fff}'));
+    (encoding != SHIFT_JIS || is_japanese()).then(|| text.into_owned())
 }
 
 /// What a file seems to be.
@@ -160,6 +178,22 @@ impl Unit {
     fn from_name(name: &str) -> Option<Unit> {
         Unit::ALL.into_iter().find(|unit| unit.name() == name)
     }
+
+    /// The unit that a name which is none may mean.
+    fn meant(name: &str) -> Option<Unit> {
+        match name.to_ascii_lowercase().trim_end_matches(['s', '.']) {
+            "in" | "inche" | "inch" | "\"" => Some(Unit::Inch),
+            "cm" | "centimeter" | "centimetre" => Some(Unit::CM),
+            "mm" | "millimeter" | "millimetre" => Some(Unit::MM),
+            "m" | "meter" | "metre" => Some(Unit::M),
+            _ => None,
+        }
+    }
+}
+
+/// For messages.
+fn unit_names() -> String {
+    Unit::ALL.map(Unit::name).join(", ")
 }
 
 impl Value {
@@ -183,9 +217,16 @@ impl fmt::Display for Value {
     }
 }
 
-fn is_plausible(measurement: Measurement, metres: f64) -> bool {
+/// Least and largest plausible value, centimetres. The bounds are whole millimetres, which an f32 in metres only comes near.
+fn plausible_cm(measurement: Measurement) -> (f64, f64) {
     let (low_m, high_m) = measurement.plausible_m();
-    (f64::from(low_m)..=f64::from(high_m)).contains(&metres)
+    (to_cm(f64::from(low_m)), to_cm(f64::from(high_m)))
+}
+
+fn is_plausible(measurement: Measurement, metres: f64) -> bool {
+    let (low_cm, high_cm) = plausible_cm(measurement);
+    // A hair for what rounding of the written values leaves.
+    (low_cm - 1e-9..=high_cm + 1e-9).contains(&(metres * 100.0))
 }
 
 /// How large the first measurement is in units of the second: least and greatest ratio that bodies have.
@@ -229,8 +270,7 @@ impl Body {
             if value.is_plausible() {
                 measurements = measurements.with(value.measurement, value.metres() as f32);
             } else {
-                let (low_m, high_m) = value.measurement.plausible_m();
-                let (low_cm, high_cm) = (low_m * 100.0, high_m * 100.0);
+                let (low_cm, high_cm) = plausible_cm(value.measurement);
                 report.push(
                     Diagnostic::error("implausible", file, value.place.clone())
                         .problem(format!("{said}: {value} is not between {low_cm} and {high_cm} cm"))
@@ -293,6 +333,7 @@ fn to_cm(metres: f64) -> f64 {
 
 /// A number as tables have it; `Err` is what is wrong and what to do.
 fn number(text: &str) -> Result<f64, (String, &'static str)> {
+    let text = &half_width(text);
     if let Some(number) = text.parse::<f64>().ok().filter(|number| number.is_finite()) {
         return Ok(number);
     }
@@ -304,6 +345,15 @@ fn number(text: &str) -> Result<f64, (String, &'static str)> {
         _ => "Write a number; what is not known is left empty.",
     };
     Err((format!("`{}` is no number", shortened(text)), help))
+}
+
+/// Digits, points and signs as Japanese keyboards also write them, `１５８．５`, become those that are read.
+fn half_width(text: &str) -> String {
+    let narrow = |c: char| match c {
+        '０'..='９' | '．' | '＋' | '－' | '，' => char::from_u32(u32::from(c) - 0xfee0).unwrap_or(c),
+        _ => c,
+    };
+    text.chars().map(narrow).collect()
 }
 
 /// The beginning of a text, short enough for a message.

@@ -1,8 +1,8 @@
 //! The project's own tables: CSV with columns like `body_height_cm`, and TOML with `[[wearer]]`.
 
-use super::{Body, ROWS, Unit, Value, number};
+use super::{Body, ROWS, Unit, Value, half_width, number, unit_names};
 use crate::diagnostic::{Diagnostic, Place};
-use crate::source::units::Length;
+use crate::source::units::number_and_unit;
 use crate::source::{closest, delimited, utf8};
 use kitsuke::measurement::Measurement;
 use toml::de::{DeTable, DeValue};
@@ -43,6 +43,13 @@ fn split(header: &str) -> (&str, Option<Unit>) {
         }
     }
     (header, None)
+}
+
+/// A measurement's name with something behind it that stands where a unit would: `body_height_in`, `身長(in)`.
+fn split_at_unknown_unit(header: &str) -> Option<(&str, &str)> {
+    let bracketed = header.strip_suffix([')', '）']).and_then(|rest| rest.rsplit_once(['(', '（']));
+    let parts = [bracketed, header.rsplit_once('_')];
+    parts.into_iter().flatten().find_map(|(name, unit)| from_name(name.trim()).map(|_| (name.trim(), unit.trim())))
 }
 
 fn unknown(name: &str) -> String {
@@ -89,6 +96,14 @@ pub(super) fn read_table(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>)
             }
             // Other columns are the artist's own; but a slip of the pen is not.
             (None, None) => {
+                if let Some((name, unit)) = split_at_unknown_unit(header) {
+                    let meant = Unit::meant(unit).unwrap_or(Unit::CM).name();
+                    let problem = format!("the column `{header}` has a unit that is not known: `{unit}`");
+                    let help = format!("Call it {name}_{meant}; units are {}.", unit_names());
+                    report.push(wrong("measurement-unit", problem, help));
+                    columns.push(None);
+                    continue;
+                }
                 let inner = name.rsplit_once('_').map_or(name, |(inner, _)| inner);
                 let is_slip = |name: &str| closest(name, Measurement::ALL.iter().map(|m| m.name())).is_some();
                 if is_slip(name) || is_slip(inner) {
@@ -190,15 +205,17 @@ pub(super) fn read_toml(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) 
                         );
                     }
                     (_, Some(measurement), string) => {
-                        let length = string.and_then(|s| Length::try_from(toml::Value::String(s.to_owned())).ok());
-                        match length {
-                            Some(Length { value: written, unit }) => {
-                                body.values.push(Value { measurement, written, unit: Unit::Of(unit), place });
-                            }
+                        let text = string.map(|string| toml::Value::String(half_width(string)));
+                        let length = text.as_ref().and_then(number_and_unit);
+                        match length.and_then(|(written, unit)| Some((written, Unit::from_name(unit)?))) {
+                            Some((written, unit)) => body.values.push(Value { measurement, written, unit, place }),
                             None => report.push(
                                 Diagnostic::error("wrong-value", file, place)
                                     .problem(format!("{key_name} is no length"))
-                                    .help("Write a number and a unit in double quotes, for example \"153.7 cm\"."),
+                                    .help(format!(
+                                        "Write a number and a unit in double quotes, for example \"153.7 cm\"; units are {}.",
+                                        unit_names()
+                                    )),
                             ),
                         }
                     }

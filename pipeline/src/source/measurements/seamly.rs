@@ -1,6 +1,7 @@
 //! An individual's measurements of Seamly2D (`.smis`) or Valentina (`.vit`): XML, a unit for the whole file, values that
-//! may be formulas. Plain numbers are read, formulas refused.
+//! may be formulas over the measurements above them.
 
+use super::seamly_formula::evaluate;
 use super::{Body, Unit, Value, number};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::utf8;
@@ -58,44 +59,48 @@ pub(super) fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Op
     let child = |name: &str| root.children().find(|node| node.has_tag_name(name));
     let unit = child("unit").and_then(|node| Some((node, node.text()?.trim())));
     let Some(unit) = unit.and_then(|(_, name)| Unit::from_name(name)) else {
-        let place = unit.map_or(Place::File, |(node, _)| Place::Span(node.range()));
-        report.push(
-            Diagnostic::error("xml-unit", file, place)
-                .problem("the file does not say its unit")
-                .help("<unit> is mm, cm or inch."),
-        );
+        let (place, problem) = match unit {
+            Some((node, name)) => {
+                (Place::Span(node.range()), format!("the unit `{}` is not known", super::shortened(name)))
+            }
+            None => (Place::File, "the file does not say its unit".to_owned()),
+        };
+        report.push(Diagnostic::error("xml-unit", file, place).problem(problem).help("<unit> is mm, cm or inch."));
         return None;
     };
     let before = report.len();
     let mut body = Body { row: 1, name: person(root), place: Place::File, values: Vec::new(), is_damaged: false };
     let mut yuki = [None, None];
-    let mut seen: Vec<&str> = Vec::new();
+    // What stands above, with 0 for what has not been measured and nothing for what cannot be read.
+    let mut above: Vec<(&str, Option<f64>)> = Vec::new();
     for node in child("body-measurements").iter().flat_map(Node::children).filter(|node| node.has_tag_name("m")) {
         let name = node.attribute("name").unwrap_or_default();
         let measurement = NAMES.iter().find(|(known, _)| *known == name).map(|(_, measurement)| *measurement);
         let part = YUKI.iter().position(|known| *known == name);
-        if measurement.is_none() && part.is_none() {
-            continue;
-        }
+        let is_used = measurement.is_some() || part.is_some();
         let place = Place::Span(node.range());
-        if seen.contains(&name) {
+        if is_used && above.iter().any(|(earlier, _)| *earlier == name) {
             report.push(
                 Diagnostic::error("measurement-column", file, place.clone())
                     .problem(format!("{name} is given a second time"))
                     .help("Keep one of the two."),
             );
         }
-        seen.push(name);
         let text = node.attribute("value").unwrap_or_default().trim();
+        let is_formula = text.contains(|c: char| c.is_alphabetic() || "+-*/()@".contains(c));
         let written = match number(text) {
+            Ok(written) => Ok(written),
+            Err(_) if text.is_empty() => Ok(0.0),
+            Err(_) if is_formula => evaluate(text, &above),
+            Err((problem, help)) => Err((problem, help)),
+        };
+        above.push((name, written.as_ref().ok().copied()));
+        if !is_used {
+            continue;
+        }
+        let written = match written {
             Ok(written) => written,
-            Err(_) if text.is_empty() => continue,
             Err((problem, help)) => {
-                let is_formula = text.contains(|c: char| c.is_alphabetic() || "+-*/()".contains(c));
-                let (problem, help) = match is_formula {
-                    true => (format!("`{}` is a formula", super::shortened(text)), "Write the number that it gives."),
-                    false => (problem, help),
-                };
                 report.push(
                     Diagnostic::error("measurement-number", file, place)
                         .problem(format!("{name}: {problem}"))
