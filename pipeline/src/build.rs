@@ -4,7 +4,7 @@ use crate::ir;
 use crate::measure::audit::{self, Depth};
 use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
-use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, weld};
+use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, skin_fit, weld};
 use glam::Vec3;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
@@ -69,6 +69,14 @@ pub fn build_garment(
     })?;
     let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
     tell("skin", None, origin);
+    let e = |k: &str, d: f64| std::env::var(k).map_or(d, |x| x.parse().unwrap());
+    let skin = if std::env::var("NOFIT").is_ok() { skin } else {
+        let d = skin_fit::Settings::default();
+        let t = std::time::Instant::now();
+        let fitted = skin_fit::fitted(source, &skin, &skin_fit::Settings { hold_m2: e("HOLD", d.hold_m2), smooth_m2: e("SMOOTH", d.smooth_m2), rounds: e("SROUNDS", d.rounds as f64) as usize });
+        eprintln!("skin fitted in {:.1} s", t.elapsed().as_secs_f64());
+        fitted
+    };
 
     // What the artist's shapes have beyond that.
     let deltas = targets.par_iter().map(|target| {

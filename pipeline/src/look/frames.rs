@@ -31,7 +31,8 @@ pub enum Blend {
 #[must_use]
 pub fn own_poses(garment: &Garment) -> Vec<Shot> {
     let data = garment.data();
-    let names = std::iter::once("base").chain(data.targets.iter().map(|target| target.name.as_str()));
+    let samples = &data.targets[..data.sample_count()];
+    let names = std::iter::once("base").chain(samples.iter().map(|target| target.name.as_str()));
     let shot = |(row, name): (usize, &str)| Shot {
         name: name.to_owned(),
         pose: data.poses.pose(row),

@@ -1,7 +1,7 @@
 //! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body. Knows neither files nor
 //! how poses are chosen.
 
-use super::posed_body::PosedBody;
+use crate::stages::posed_body::PosedBody;
 use crate::ir::{self, Body};
 use crate::stages::StageError;
 use glam::Vec3;

@@ -6,7 +6,6 @@ pub mod certificate;
 pub mod distortion;
 pub mod leave_one_out;
 pub mod pose_space;
-mod posed_body;
 pub mod size_errors;
 pub mod skirt;
 pub mod verify;

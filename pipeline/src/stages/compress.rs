@@ -65,6 +65,7 @@ pub fn compress(
         skin: order.source_vertex.iter().map(|&v| skin[v as usize]).collect(),
         drivers: garment.drivers.iter().map(driver).collect(),
         targets,
+        corrective_count: 0,
         segments: order.segments,
         poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
         pose_limits: garment.pose_limits.clone(),

@@ -2,15 +2,18 @@
 //! settings stand beside their stage.
 
 pub mod compress;
+pub mod correctives;
 pub mod deltas;
 mod error;
 pub mod fit_data;
 pub mod kernel;
 mod laplacian;
 pub(crate) mod numbers;
+pub(crate) mod posed_body;
 pub mod reach;
 pub mod regions;
 pub mod skin;
+pub mod skin_fit;
 mod weights;
 pub mod weld;
 

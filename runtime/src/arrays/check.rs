@@ -182,6 +182,9 @@ pub enum InvalidGarment {
     /// A coefficient of a group is not a usable number.
     #[error("the coefficients of group {0} must lie within ±{max}", max = limits::RBF_COEFFICIENT)]
     GroupCoefficient(usize),
+    /// A pose between the samples is not a rotation.
+    #[error("the poses between the samples of group {0} must be unit quaternions")]
+    GroupCentre(usize),
     /// A figure of the certificate is not a finite number of 0 or more.
     #[error("the figures of the certificate must be finite and 0 or more")]
     CertificateFigure,
@@ -334,6 +337,7 @@ fn check_segments(data: &GarmentData) -> Result<(), InvalidGarment> {
 
 fn check_targets(data: &GarmentData) -> Result<(), InvalidGarment> {
     check_count("targets", data.targets.len(), 0, limits::TARGETS)?;
+    check_count("correctives", data.corrective_count, 0, data.targets.len())?;
     for (i, target) in data.targets.iter().enumerate() {
         if !(target.step_m > 0.0 && target.step_m * f32::from(i16::MAX) <= limits::EXTENT_M) {
             return Err(InvalidGarment::TargetStep(i));
@@ -363,12 +367,15 @@ fn check_poses(data: &GarmentData) -> Result<(), InvalidGarment> {
             return Err(InvalidGarment::PoseBone(bone));
         }
     }
-    check_length("rotations in the pose table", rotations.len(), (data.targets.len() + 1) * bones.len())?;
-    let skewed = |q: &Quat| !(q.is_finite() && (q.length() - 1.0).abs() <= 1e-3);
+    check_length("rotations in the pose table", rotations.len(), (data.sample_count() + 1) * bones.len())?;
     if let Some(i) = rotations.iter().position(skewed) {
         return Err(InvalidGarment::PoseRotation { row: i / bones.len(), bone: bones[i % bones.len()] });
     }
     Ok(())
+}
+
+fn skewed(rotation: &Quat) -> bool {
+    !(rotation.is_finite() && (rotation.length() - 1.0).abs() <= 1e-3)
 }
 
 fn check_pose_limits(data: &GarmentData) -> Result<(), InvalidGarment> {
@@ -416,8 +423,11 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             }
             check_chain(group, number, &data.poses)?;
             let targets = data.targets_of_layer(layer).count();
-            for coefficients in [&group.own, &group.joint] {
-                check_length("coefficients of a group", coefficients.len(), (targets + 1) * targets)?;
+            let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count()).count();
+            let centres = check_centres(group, number)?;
+            let lengths = [(samples + 1) * targets, (samples + 1) * targets, centres * (targets - samples)];
+            for (coefficients, length) in [&group.own, &group.joint, &group.corrective].into_iter().zip(lengths) {
+                check_length("coefficients of a group", coefficients.len(), length)?;
                 if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
                     return Err(InvalidGarment::GroupCoefficient(number));
                 }
@@ -429,6 +439,17 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
         Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
         None => Ok(()),
     }
+}
+
+/// How many poses between the samples a group has, whose chain is checked.
+fn check_centres(group: &Group, number: usize) -> Result<usize, InvalidGarment> {
+    let centres = group.centres.len() / group.chain.len();
+    check_count("poses between the samples", centres, 0, limits::CENTRES)?;
+    check_length("rotations between the samples", group.centres.len(), centres * group.chain.len())?;
+    if group.centres.iter().any(skewed) {
+        return Err(InvalidGarment::GroupCentre(number));
+    }
+    Ok(centres)
 }
 
 fn check_chain(group: &Group, number: usize, poses: &PoseTable) -> Result<(), InvalidGarment> {
@@ -457,9 +478,9 @@ fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {
         return Err(InvalidGarment::CertificateFigure);
     }
     if !left_out.is_empty() {
-        check_length("left-out errors", left_out.len(), data.targets.len())?;
+        check_length("left-out errors", left_out.len(), data.sample_count())?;
     }
-    match fastest_rows.iter().chain(&nearest.rows).find(|&&row| usize::from(row) > data.targets.len()) {
+    match fastest_rows.iter().chain(&nearest.rows).find(|&&row| usize::from(row) > data.sample_count()) {
         Some(&row) => Err(InvalidGarment::CertificateRow(row)),
         None => Ok(()),
     }

@@ -38,6 +38,8 @@ pub mod limits {
     pub const PARTS: usize = 256;
     /// Longest name, bytes.
     pub const NAME_BYTES: usize = 256;
+    /// Most poses between the samples of a group.
+    pub const CENTRES: usize = 4096;
     /// Most joints in a chain of the default kernel.
     pub const CHAIN: usize = 16;
     /// Largest width, ridge or scale of the default kernel.
@@ -118,7 +120,7 @@ pub struct Segment {
     pub masks: Vec<u16>,
 }
 
-/// The shape of one sample pose, as deltas from the base in its unposed space.
+/// A shape, as deltas from the base in its unposed space: that of a sample pose, or a corrective.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Target {
     /// For example `a_pose_45`.
@@ -133,7 +135,8 @@ pub struct Target {
     pub deltas: Vec<[i16; 3]>,
 }
 
-/// The sampled poses: row 0 is the base (T-pose), row `k + 1` belongs to target `k`.
+/// The sampled poses: row 0 is the base (T-pose), row `k + 1` belongs to target `k`. Correctives have
+/// no row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PoseTable {
     /// The joints that the table gives.
@@ -179,9 +182,12 @@ pub struct GarmentData {
     pub drivers: Vec<Driver>,
     /// The vertex order: segments cover the unique vertices one after the other.
     pub segments: Vec<Segment>,
-    /// The target shapes.
+    /// The target shapes: those of the samples, then the correctives.
     pub targets: Vec<Target>,
-    /// The poses of base and targets.
+    /// How many of the last targets are *correctives*: shapes that belong to no pose of their own and keep the cloth out of the body
+    /// between the samples. Only the default kernel sets their rates, to 0 at every sample.
+    pub corrective_count: usize,
+    /// The poses of base and samples.
     pub poses: PoseTable,
     /// What the kimono allows its wearer.
     pub pose_limits: Vec<PoseLimit>,
@@ -198,7 +204,13 @@ impl GarmentData {
         self.drivers.iter().map(|driver| usize::from(driver.layer) + 1).max().unwrap_or(0)
     }
 
-    /// The numbers of a layer's targets, ascending.
+    /// How many targets are shapes of a sample pose: the first ones, in the order of the pose table.
+    #[must_use]
+    pub fn sample_count(&self) -> usize {
+        self.targets.len().saturating_sub(self.corrective_count)
+    }
+
+    /// The numbers of a layer's targets, ascending: its samples, then its correctives.
     pub fn targets_of_layer(&self, layer: usize) -> impl Iterator<Item = usize> {
         self.targets.iter().enumerate().filter(move |(_, target)| usize::from(target.layer) == layer).map(|(i, _)| i)
     }
@@ -298,6 +310,10 @@ pub struct Group {
     pub own: Vec<f64>,
     /// Coefficients of ψ, likewise.
     pub joint: Vec<f64>,
+    /// Poses between the samples where cloth had to be pushed out of the body: rotations of the chain's joints, pose by pose.
+    pub centres: Vec<Quat>,
+    /// Coefficients of φ at those poses: one row per pose, one column per corrective of the layer.
+    pub corrective: Vec<f64>,
 }
 
 /// A joint of a group's chain and how much its turning matters to the shape.

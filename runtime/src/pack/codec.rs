@@ -9,7 +9,7 @@
 
 use super::ContentProblem;
 use super::rans::{self, RUN};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use std::borrow::Cow;
 
 /// No LZ4 block decodes to more than this many times its length.
@@ -104,6 +104,10 @@ impl<'a> Reader<'a> {
 
     pub(super) fn vec3(&mut self) -> Result<Vec3, ContentProblem> {
         Ok(Vec3::new(self.f32()?, self.f32()?, self.f32()?))
+    }
+
+    pub(super) fn quat(&mut self) -> Result<Quat, ContentProblem> {
+        Ok(Quat::from_xyzw(self.f32()?, self.f32()?, self.f32()?, self.f32()?))
     }
 
     /// A count, which must lie within the limit.

@@ -1,4 +1,4 @@
-//! The format of a pack, version 3.0. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 4.0. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -68,7 +68,7 @@ use crate::arrays::{
     RbfLayer, Segment, SkinWeights, Target, limits,
 };
 use crate::skeleton::{Bone, Joint, Skeleton};
-use glam::{DVec3, Quat, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::fmt;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -78,7 +78,7 @@ use {super::codec::Writer, crate::arrays::GarmentData};
 /// The first bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
-pub const MAJOR: u16 = 3;
+pub const MAJOR: u16 = 4;
 /// Grows when sections are added that older readers may skip.
 pub const MINOR: u16 = 0;
 /// Bytes before the section table.
@@ -236,6 +236,7 @@ pub(super) struct Info {
     pub(super) drivers: usize,
     pub(super) segments: usize,
     pub(super) targets: usize,
+    pub(super) correctives: usize,
     pub(super) pose_bones: usize,
 }
 
@@ -250,6 +251,7 @@ pub(super) fn read_info(from: &mut Reader<'_>) -> Result<Info, ContentProblem> {
         drivers: from.count("drivers", limits::DRIVERS)?,
         segments: from.count("segments", limits::SEGMENTS)?,
         targets: from.count("targets", limits::TARGETS)?,
+        correctives: from.count("correctives", limits::TARGETS)?,
         pose_bones: from.count("bones of the pose table", Bone::COUNT)?,
     })
 }
@@ -265,6 +267,7 @@ pub(super) fn write_info(data: &GarmentData, to: &mut Writer) {
     to.count(data.drivers.len());
     to.count(data.segments.len());
     to.count(data.targets.len());
+    to.count(data.corrective_count);
     to.count(data.poses.bones.len());
 }
 
@@ -359,8 +362,9 @@ pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<Poses, 
         })
         .collect::<Result<_, _>>()?;
     let bones = (0..info.pose_bones).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
-    let rotations = (0..(info.targets + 1) * info.pose_bones)
-        .map(|_| Ok(Quat::from_xyzw(from.f32()?, from.f32()?, from.f32()?, from.f32()?)))
+    let rows = info.targets.saturating_sub(info.correctives) + 1;
+    let rotations = (0..rows * info.pose_bones)
+        .map(|_| from.quat())
         .collect::<Result<_, _>>()?;
     let pose_limits = (0..from.u8()?)
         .map(|_| {
@@ -492,6 +496,7 @@ pub(super) fn write_targets(data: &GarmentData, to: &mut Writer) {
 pub(super) fn read_rbf(
     drivers: &[Driver],
     targets: &[Target],
+    correctives: usize,
     from: &mut Reader<'_>,
 ) -> Result<Option<Rbf>, ContentProblem> {
     if !from.flag()? {
@@ -499,24 +504,32 @@ pub(super) fn read_rbf(
     }
     let layer_count = drivers.iter().map(|driver| usize::from(driver.layer) + 1).max().unwrap_or(0);
     let layers = (0..layer_count).map(|layer| {
-        let of_layer = targets.iter().filter(|target| usize::from(target.layer) == layer).count();
-        read_rbf_layer(of_layer, from)
+        let count = |targets: &[Target]| targets.iter().filter(|t| usize::from(t.layer) == layer).count();
+        let (samples, correctives) = targets.split_at(targets.len().saturating_sub(correctives));
+        read_rbf_layer(count(samples), count(correctives), from)
     });
     Ok(Some(Rbf { layers: layers.collect::<Result<_, _>>()? }))
 }
 
-fn read_rbf_layer(targets: usize, from: &mut Reader<'_>) -> Result<RbfLayer, ContentProblem> {
+fn read_rbf_layer(
+    samples: usize,
+    correctives: usize,
+    from: &mut Reader<'_>,
+) -> Result<RbfLayer, ContentProblem> {
     let [joint_width, reach, ridge] = [from.f64()?, from.f64()?, from.f64()?];
-    let coefficients = (targets + 1) * targets;
+    let coefficients = (samples + 1) * (samples + correctives);
     let groups = (0..from.u8()?)
         .map(|_| {
             let name = from.text()?;
             let driver_count = usize::from(from.u8()?);
             let drivers = from.take(driver_count)?.to_vec();
-            let chain = (0..from.u8()?).map(|_| read_chain_joint(from)).collect::<Result<_, _>>()?;
+            let chain: Vec<ChainJoint> = (0..from.u8()?).map(|_| read_chain_joint(from)).collect::<Result<_, _>>()?;
             let own = from.f64s(coefficients)?;
             let joint = from.f64s(coefficients)?;
-            Ok(Group { name, drivers, chain, own, joint })
+            let centre_count = from.count("poses between the samples", limits::CENTRES)?;
+            let centres = (0..centre_count * chain.len()).map(|_| from.quat()).collect::<Result<_, _>>()?;
+            let corrective = from.f64s(centre_count * correctives)?;
+            Ok(Group { name, drivers, chain, own, joint, centres, corrective })
         })
         .collect::<Result<_, _>>()?;
     Ok(RbfLayer { groups, joint_width, reach, ridge })
@@ -549,6 +562,9 @@ pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
             }
             to.f64s(&group.own);
             to.f64s(&group.joint);
+            to.count(group.centres.len() / group.chain.len().max(1));
+            group.centres.iter().flat_map(|rotation| rotation.to_array()).for_each(|component| to.f32(component));
+            to.f64s(&group.corrective);
         }
     }
 }
@@ -560,7 +576,7 @@ pub(super) fn read_certificate(info: &Info, from: &mut Reader<'_>) -> Result<Opt
     let [speed_mm_per_deg, step_mm, step_change_mm] = [from.f32()?, from.f32()?, from.f32()?];
     let fastest_joint = read_bone(from)?;
     let fastest_rows = [from.u16()?, from.u16()?];
-    let left_out = (0..if from.flag()? { info.targets } else { 0 })
+    let left_out = (0..if from.flag()? { info.targets.saturating_sub(info.correctives) } else { 0 })
         .map(|_| Ok(LeftOut { mean_mm: from.f32()?, p99_mm: from.f32()?, max_mm: from.f32()? }))
         .collect::<Result<_, _>>()?;
     let nearest = NearestPair { rows: [from.u16()?, from.u16()?], apart_deg: from.f32()? };

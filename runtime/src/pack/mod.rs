@@ -367,10 +367,24 @@ fn read_garment(bytes: &[u8], sections: &mut [SectionInfo], allowed: usize) -> R
     let (drivers, poses, pose_limits) = sections.read(layout::DRIV, |from| layout::read_drivers(&info, from))?;
     let segments = sections.read(layout::SEGS, |from| layout::read_segments(&info, from))?;
     let targets = sections.read(layout::TGTS, |from| layout::read_targets(&info, &mesh, &segments, from))?;
-    let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&drivers, &targets, from))?;
+    let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&drivers, &targets, info.correctives, from))?;
     let certificate = sections.read(layout::CERT, |from| layout::read_certificate(&info, from))?;
-    let Info { id, name, .. } = info;
-    Ok(GarmentData { id, name, skeleton, mesh, skin, drivers, segments, targets, poses, pose_limits, rbf, certificate })
+    let Info { id, name, correctives: corrective_count, .. } = info;
+    Ok(GarmentData {
+        id,
+        name,
+        skeleton,
+        mesh,
+        skin,
+        drivers,
+        segments,
+        targets,
+        corrective_count,
+        poses,
+        pose_limits,
+        rbf,
+        certificate,
+    })
 }
 
 /// The sections of a pack whose table has been checked.

@@ -109,7 +109,7 @@ pub fn paper(data: &GarmentData, pose: &Pose, rates: &mut Rates) {
     rates.clear();
     for (driver, row) in data.drivers.iter().zip(rates.rates.chunks_exact_mut(data.targets.len().max(1))) {
         let closeness = |sample: usize| {
-            if sample > 0 && data.targets[sample - 1].layer != driver.layer {
+            if sample > data.sample_count() || sample > 0 && data.targets[sample - 1].layer != driver.layer {
                 return None;
             }
             let difference_rad = pose_difference_rad(&data.poses, sample, &driver.joints, pose);

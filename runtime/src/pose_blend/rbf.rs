@@ -22,9 +22,9 @@
 //! coefficients cancel, and single precision would cost tenths of a millimetre.
 
 use super::Rates;
-use crate::arrays::{ChainJoint, GarmentData, PoseTable, RbfLayer, limits};
+use crate::arrays::{ChainJoint, GarmentData, Group, PoseTable, RbfLayer, limits};
 use crate::skeleton::{Bone, Pose};
-use glam::DQuat;
+use glam::{DQuat, Quat};
 
 /// Numbers per chain joint in an embedding: three directions.
 const PER_JOINT: usize = 9;
@@ -84,7 +84,14 @@ pub fn bump(squared_distance: f64, reach: f64) -> f64 {
 /// The embeddings of a garment's samples, computed once: layer by layer, group by group, the base first.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
-    layers: Vec<Vec<Vec<f64>>>,
+    layers: Vec<Vec<Embedded>>,
+}
+
+/// What a group compares poses with.
+#[derive(Clone, Debug, Default)]
+struct Embedded {
+    samples: Vec<f64>,
+    centres: Vec<f64>,
 }
 
 impl Samples {
@@ -94,16 +101,34 @@ impl Samples {
         let layers = data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate());
         let of_layer = |(number, layer): (usize, &RbfLayer)| {
             let rows = rows_of_layer(data, number);
-            layer.groups.iter().map(|group| embed_samples(&group.chain, &data.poses, &rows)).collect()
+            let embedded = |group: &Group| Embedded {
+                samples: embed_samples(&group.chain, &data.poses, &rows),
+                centres: embed_rows(&group.chain, &group.centres),
+            };
+            layer.groups.iter().map(embedded).collect()
         };
         Samples { layers: layers.map(of_layer).collect() }
     }
 }
 
-/// The rows of the pose table that a layer blends: the base's, then those of the layer's targets.
+/// The rows of the pose table that a layer blends: the base's, then those of the layer's samples.
 #[must_use]
 pub fn rows_of_layer(data: &GarmentData, layer: usize) -> Vec<usize> {
-    std::iter::once(0).chain(data.targets_of_layer(layer).map(|target| target + 1)).collect()
+    let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count());
+    std::iter::once(0).chain(samples.map(|target| target + 1)).collect()
+}
+
+/// The embeddings of poses that are given as the rotations of the chain's joints, one after the other.
+#[must_use]
+pub fn embed_rows(chain: &[ChainJoint], rotations: &[Quat]) -> Vec<f64> {
+    let length = embedding_length(chain);
+    let rows = rotations.chunks_exact(chain.len().max(1));
+    let mut embeddings = vec![0.0; length * rows.len()];
+    for (row, embedding) in rows.zip(embeddings.chunks_exact_mut(length.max(1))) {
+        let place = |bone| chain.iter().position(|joint| joint.bone == bone).expect("asked for joints of the chain");
+        embed(chain, |bone| row[place(bone)].as_dquat().normalize(), embedding);
+    }
+    embeddings
 }
 
 /// The embeddings of these rows of a pose table, one after the other. Joints that the table does not give are at rest.
@@ -141,14 +166,15 @@ impl Work {
         let Some(rbf) = &data.rbf else { return Work::default() };
         let targets: Vec<Vec<usize>> =
             (0..rbf.layers.len()).map(|layer| data.targets_of_layer(layer).collect()).collect();
-        let samples = targets.iter().map(|targets| targets.len() + 1).max().unwrap_or(0);
+        let targets_of_layer = targets.iter().map(Vec::len).max().unwrap_or(0);
+        let samples = (0..targets.len()).map(|layer| rows_of_layer(data, layer).len()).max().unwrap_or(0);
         let groups = rbf.layers.iter().map(|layer| layer.groups.len()).max().unwrap_or(0);
         let chains = rbf.layers.iter().flat_map(|layer| &layer.groups).map(|group| embedding_length(&group.chain));
         Work {
             embedding: vec![0.0; chains.max().unwrap_or(0)],
             squared_distances: vec![0.0; samples * groups],
             summed: vec![0.0; samples],
-            row: vec![0.0; samples - 1],
+            row: vec![0.0; targets_of_layer],
             targets,
         }
     }
@@ -173,20 +199,23 @@ pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates
     for (number, (layer, samples)) in rbf.layers.iter().zip(&samples.layers).enumerate() {
         let Work { embedding, squared_distances, summed, row, targets } = &mut rates.work;
         let targets = targets[number].as_slice();
-        let (summed, row) = (&mut summed[..targets.len() + 1], &mut row[..targets.len()]);
+        let correctives = targets.iter().filter(|&&target| target >= data.sample_count()).count();
+        let rows = targets.len() - correctives + 1;
+        let (summed, row) = (&mut summed[..rows], &mut row[..targets.len()]);
 
         summed.fill(0.0);
-        let own_distances = squared_distances.chunks_exact_mut(targets.len() + 1);
-        for ((group, samples), own) in layer.groups.iter().zip(samples).zip(own_distances) {
+        let own_distances = squared_distances.chunks_exact_mut(rows);
+        for ((group, embedded), own) in layer.groups.iter().zip(samples).zip(own_distances) {
             let embedding = &mut embedding[..embedding_length(&group.chain)];
             embed(&group.chain, rotation, embedding);
-            for ((sample, own), summed) in samples.chunks_exact(embedding.len()).zip(own).zip(summed.iter_mut()) {
+            let samples = embedded.samples.chunks_exact(embedding.len());
+            for ((sample, own), summed) in samples.zip(own).zip(summed.iter_mut()) {
                 *own = squared_distance(embedding, sample);
                 *summed += *own;
             }
         }
 
-        for (group, own) in layer.groups.iter().zip(squared_distances.chunks_exact(targets.len() + 1)) {
+        for ((group, embedded), own) in layer.groups.iter().zip(samples).zip(squared_distances.chunks_exact(rows)) {
             row.fill(0.0);
             let far = own.iter().map(|&own| 1.0 - bump(own, layer.reach)).product::<f64>();
             let kept = 1.0 - far;
@@ -196,6 +225,15 @@ pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates
                 for ((&own, &summed), (own_row, joint_row)) in own.iter().zip(summed.iter()).zip(coefficients) {
                     accumulate(row, kept * inverse_multiquadric(own), own_row);
                     accumulate(row, kept * wendland(summed, layer.joint_width), joint_row);
+                }
+                if correctives > 0 {
+                    let embedding = &mut embedding[..embedding_length(&group.chain)];
+                    embed(&group.chain, rotation, embedding);
+                    let centres = embedded.centres.chunks_exact(embedding.len());
+                    for (centre, coefficients) in centres.zip(group.corrective.chunks_exact(correctives)) {
+                        let near = inverse_multiquadric(squared_distance(embedding, centre));
+                        accumulate(&mut row[rows - 1..], kept * near, coefficients);
+                    }
                 }
             }
             for &driver in &group.drivers {
