@@ -95,6 +95,7 @@ pub fn small_garment_data() -> GarmentData {
         }],
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
+        corrective_count: 0,
     }
 }
 
@@ -190,6 +191,8 @@ fn small_rbf() -> Rbf {
             chain: vec![joint(Bone::LeftUpperArm, None, 1.0), joint(Bone::LeftLowerArm, Some(0), 0.5)],
             own: coefficients(0.1),
             joint: coefficients(-0.05),
+            centres: Vec::new(),
+            corrective: Vec::new(),
         }],
         joint_width: 0.75,
         reach: 2.0,

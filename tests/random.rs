@@ -110,6 +110,7 @@ pub fn garment(seed: u64) -> Garment {
     (0..unique).for_each(|vertex| source_vertex.swap(vertex, n.below(unique)));
     let uv = (0..n.below(2) * (unique + twins)).map(|_| Vec2::new(n.signed(), 1e-30 * n.signed())).collect();
     let bones: Vec<Bone> = BONES.iter().map(|&(bone, _)| bone).collect();
+    let corrective_count = n.below(targets.len() + 1) / 2;
     Garment::new(GarmentData {
         id: "random".to_owned(),
         name: "適当".to_owned(),
@@ -136,7 +137,7 @@ pub fn garment(seed: u64) -> Garment {
             })
             .collect(),
         poses: PoseTable {
-            rotations: (0..(targets.len() + 1) * bones.len())
+            rotations: (0..(targets.len() - corrective_count + 1) * bones.len())
                 .map(|i| if i < bones.len() { Quat::IDENTITY } else { Quat::IDENTITY.slerp(n.rotation(), 0.4) })
                 .map(|rotation| rotation * 1.0005)
                 .collect(),
@@ -159,6 +160,7 @@ pub fn garment(seed: u64) -> Garment {
         drivers,
         segments,
         targets,
+        corrective_count,
     })
     .expect("random garments keep the rules")
 }
@@ -169,14 +171,20 @@ pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
     let mut data = garment.data().clone();
     let layers = (0..data.layer_count()).map(|layer| {
         let targets = data.targets_of_layer(layer).count();
-        let mut coefficients = || (0..(targets + 1) * targets).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
+        let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count()).count();
+        let centres = n.below(4);
         let of_layer = (0..data.drivers.len()).filter(|&driver| usize::from(data.drivers[driver].layer) == layer);
-        let groups = of_layer.map(|driver| Group {
-            name: format!("group {driver}"),
-            drivers: vec![driver as u8],
-            chain: vec![ChainJoint { bone: BONES[driver].0, parent: None, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
-            own: coefficients(),
-            joint: coefficients(),
+        let groups = of_layer.map(|driver| {
+            let mut coefficients = |count: usize| (0..count).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
+            Group {
+                name: format!("group {driver}"),
+                drivers: vec![driver as u8],
+                chain: vec![ChainJoint { bone: BONES[driver].0, parent: None, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
+                own: coefficients((samples + 1) * targets),
+                joint: coefficients((samples + 1) * targets),
+                corrective: coefficients(centres * (targets - samples)),
+                centres: (0..centres).map(|_| n.rotation()).collect(),
+            }
         });
         RbfLayer { groups: groups.collect(), joint_width: 1.0, reach: 2.0, ridge: 0.01 }
     });

@@ -4,7 +4,7 @@ use crate::ir;
 use crate::measure::audit::{self, Depth};
 use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
-use crate::stages::{StageError, compress, deltas, fit_data, kernel, reach, regions, skin, skin_fit, weld};
+use crate::stages::{StageError, compress, correctives, deltas, fit_data, kernel, reach, regions, skin, weld};
 use glam::Vec3;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
@@ -47,6 +47,9 @@ pub struct Built {
     pub deltas: Vec<Vec<Vec3>>,
 }
 
+/// Where the poses of the correctives begin among those of the pose space: far from the audit's, which would flatter them.
+const CORRECTED: u64 = 1 << 20;
+
 /// Builds one garment. Each finished stage is told to `progress`, from any thread.
 ///
 /// # Errors
@@ -69,14 +72,6 @@ pub fn build_garment(
     })?;
     let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
     tell("skin", None, origin);
-    let e = |k: &str, d: f64| std::env::var(k).map_or(d, |x| x.parse().unwrap());
-    let skin = if std::env::var("NOFIT").is_ok() { skin } else {
-        let d = skin_fit::Settings::default();
-        let t = std::time::Instant::now();
-        let fitted = skin_fit::fitted(source, &skin, &skin_fit::Settings { hold_m2: e("HOLD", d.hold_m2), smooth_m2: e("SMOOTH", d.smooth_m2), rounds: e("SROUNDS", d.rounds as f64) as usize });
-        eprintln!("skin fitted in {:.1} s", t.elapsed().as_secs_f64());
-        fitted
-    };
 
     // What the artist's shapes have beyond that.
     let deltas = targets.par_iter().map(|target| {
@@ -109,8 +104,21 @@ pub fn build_garment(
     }
     data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
     let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
-    let garment = checked(data.clone())?;
+    let mut garment = checked(data.clone())?;
     tell("compress", None, Origin::Computed);
+
+    // What keeps the cloth out of the body between the samples.
+    if source.correctives > 0 {
+        let settings = correctives::Settings { shapes: source.correctives, ..correctives::Settings::default() };
+        let poses = pose_space::poses(&garment, CORRECTED, settings.poses);
+        let (numbers, origin) = memo.recall(&keys::correctives(&data, body, &settings), || {
+            let found = correctives::correctives(&garment, body, &poses, &settings);
+            Ok::<_, StageError>(found.iter().flat_map(correctives::Correctives::numbers).collect())
+        })?;
+        data = correctives::with_correctives(&garment, &poses, &numbers, &settings)?;
+        garment = checked(data.clone())?;
+        tell("correctives", None, origin);
+    }
 
     // What it promises between the samples.
     let certificate = certificate::certificate(&garment, &certificate::Settings::default())?;
@@ -140,7 +148,7 @@ pub fn build_garment(
     let quality = verify::verify(source, &masks, &deltas, &pack)?;
     tell("verify", None, Origin::Computed);
     let (found, origin) = memo.recall(&keys::audit(&pack, body), || {
-        let poses = pose_space::poses(&garment, audit::BUILD_POSES);
+        let poses = pose_space::poses(&garment, 0, audit::BUILD_POSES);
         let depths = audit::audit(body, &garment, &poses).by_pose;
         Ok::<_, StageError>(
             depths.iter().map(|d| [d.depth_m.to_bits(), d.pose as u32, d.vertex, d.joint.into()]).collect(),
@@ -192,9 +200,9 @@ fn from_numbers(numbers: &[f32]) -> PoseBound {
 
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Key, SkinWeights, audit, deltas, ir, reach, regions, skin, to_words, weld};
+    use super::{Key, SkinWeights, audit, correctives, deltas, ir, reach, regions, skin, to_words, weld};
     use glam::Vec3;
-    use kitsuke::arrays::PoseTable;
+    use kitsuke::arrays::{GarmentData, PoseTable};
     use kitsuke::skeleton::{Bone, Skeleton};
 
     pub fn skin(base: &ir::Surface, body: &ir::Body, skirt_top_m: f32, settings: &skin::Settings) -> Key {
@@ -235,6 +243,22 @@ mod keys {
     pub fn reach(limited: &[Bone], poses: &PoseTable, settings: &reach::Settings) -> Key {
         let key = bones(Key::new("reach", reach::VERSION).text(&format!("{settings:?}")), limited);
         bones(key, &poses.bones).array(&poses.rotations)
+    }
+
+    pub fn correctives(data: &GarmentData, body: &ir::Body, settings: &correctives::Settings) -> Key {
+        let key = Key::new("correctives", correctives::VERSION).text(&format!("{settings:?} {:?}", body.skin));
+        let key = surface(skeleton(key, &body.skeleton), &body.surface);
+        let key = key.array(&data.mesh.positions_m).array(&data.mesh.triangles).array(&data.mesh.twin_of);
+        let words: Vec<[u16; 8]> = data.skin.iter().copied().map(to_words).collect();
+        let key = bones(key.array(&words), &data.poses.bones).array(&data.poses.rotations);
+        let key = key.text(&format!("{:?} {:?} {:?}", data.drivers, data.pose_limits, data.rbf));
+        let key = data
+            .segments
+            .iter()
+            .fold(key, |key, segment| key.array(&[segment.vertex_count]).array(&segment.drivers).array(&segment.masks));
+        data.targets.iter().fold(key, |key, target| {
+            key.array(&[target.layer]).array(&[target.step_m]).array(&target.segments).array(&target.deltas)
+        })
     }
 
     pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {

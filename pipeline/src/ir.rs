@@ -32,6 +32,8 @@ pub struct Garment {
     pub pose_limits: Vec<PoseLimit>,
     /// How the regions are made.
     pub regions: Regions,
+    /// Most correctives of each group of drivers.
+    pub correctives: usize,
     /// Measured paths (P1), by name.
     pub paths: Vec<MeasuredPath>,
     /// The sizes in which it exists, if it can be fitted.

@@ -92,6 +92,8 @@ fn many_chains() -> GarmentData {
         chain: chain.clone().collect(),
         own: vec![0.0; TARGETS * (TARGETS + 1)],
         joint: vec![0.0; TARGETS * (TARGETS + 1)],
+        centres: Vec::new(),
+        corrective: Vec::new(),
     };
     let groups = (0..limits::DRIVERS).map(group).collect();
     data.rbf = Some(Rbf { layers: vec![RbfLayer { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6 }] });

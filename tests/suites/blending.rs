@@ -79,7 +79,7 @@ fn better_than_any_other_way(garment: &Garment, layer: usize) {
 #[test]
 fn a_frame_does_not_depend_on_the_frames_before() {
     let (_, garment) = &*KOMON;
-    let poses = poses(garment, 12);
+    let poses = poses(garment, 0, 12);
     let mut scratch = Scratch::new(garment);
     let mut bits = |pose: &Pose| {
         let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];

@@ -154,7 +154,7 @@ fn assert_same_frame(garment: &Garment, pose: &Pose, rates: &Rates, found: &Buff
 fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let data = garment.data();
     let Driver { joints, threshold_rad, layer, .. } = &data.drivers[driver];
-    let closeness: Vec<f64> = (0..=data.targets.len())
+    let closeness: Vec<f64> = (0..=data.sample_count())
         .map(|row| {
             let squares = joints.iter().map(|&bone| {
                 let column = data.poses.bones.iter().position(|&b| b == bone).unwrap();
@@ -171,7 +171,8 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
         })
         .collect();
     let sum: f64 = closeness.iter().sum();
-    closeness[1..].iter().map(|c| if sum > 0.0 { c / sum } else { 0.0 }).collect()
+    let of_samples = closeness[1..].iter().map(|c| if sum > 0.0 { c / sum } else { 0.0 });
+    of_samples.chain(std::iter::repeat_n(0.0, data.corrective_count)).collect()
 }
 
 /// The default kernel by its formulas, on matrices.
@@ -179,17 +180,20 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let data = garment.data();
     let number = data.drivers[driver].layer;
     let layer = &data.rbf.as_ref().unwrap().layers[usize::from(number)];
-    let squared = |group: &Group, row: usize| -> f64 {
+    let of_row = |bone: Bone, row: usize| {
+        let column = data.poses.bones.iter().position(|&listed| listed == bone).unwrap();
+        data.poses.row(row)[column]
+    };
+    let squared = |group: &Group, sample: &dyn Fn(Bone) -> Quat| -> f64 {
         let mut turned: Vec<(DMat3, DMat3)> = Vec::new();
         let mut sum = 0.0;
         for joint in &group.chain {
             let rest = (DMat3::IDENTITY, DMat3::IDENTITY);
-            let (mut input, mut sample) = joint.parent.map_or(rest, |parent| turned[usize::from(parent)]);
-            let column = data.poses.bones.iter().position(|&bone| bone == joint.bone).unwrap();
+            let (mut input, mut other) = joint.parent.map_or(rest, |parent| turned[usize::from(parent)]);
             input *= DMat3::from_quat(pose.rotation(joint.bone).as_dquat().normalize());
-            sample *= DMat3::from_quat(data.poses.row(row)[column].as_dquat().normalize());
-            turned.push((input, sample));
-            let apart = input - sample;
+            other *= DMat3::from_quat(sample(joint.bone).as_dquat().normalize());
+            turned.push((input, other));
+            let apart = input - other;
             let squares: f64 = apart.to_cols_array().iter().map(|x| x * x).sum();
             let along = (apart * joint.axis).length_squared();
             sum += joint.swing * joint.swing * along + joint.twist * joint.twist * (squares - along);
@@ -200,9 +204,10 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let of_layer: Vec<usize> = (0..data.targets.len()).filter(|&t| data.targets[t].layer == number).collect();
     let mut far = 1.0;
     let mut rates = vec![0.0; data.targets.len()];
-    for (sample, row) in std::iter::once(0).chain(of_layer.iter().map(|t| t + 1)).enumerate() {
-        let own = squared(group, row).sqrt();
-        let all = layer.groups.iter().map(|group| squared(group, row)).sum::<f64>().sqrt();
+    let (samples, correctives) = of_layer.split_at(of_layer.partition_point(|&target| target < data.sample_count()));
+    for (sample, row) in std::iter::once(0).chain(samples.iter().map(|t| t + 1)).enumerate() {
+        let own = squared(group, &|bone| of_row(bone, row)).sqrt();
+        let all = layer.groups.iter().map(|group| squared(group, &|bone| of_row(bone, row))).sum::<f64>().sqrt();
         let t = (2.0 * own / layer.reach - 1.0).clamp(0.0, 1.0);
         far *= t.powi(3) * (t * (6.0 * t - 15.0) + 10.0);
         let phi = 1.0 / (1.0 + own.powi(2)).sqrt();
@@ -211,6 +216,13 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
         for (place, &target) in of_layer.iter().enumerate() {
             let at = sample * of_layer.len() + place;
             rates[target] += phi * group.own[at] + psi * group.joint[at];
+        }
+    }
+    for (number, centre) in group.centres.chunks(group.chain.len()).enumerate() {
+        let of_centre = |bone| centre[group.chain.iter().position(|joint| joint.bone == bone).unwrap()];
+        let phi = 1.0 / (1.0 + squared(group, &of_centre)).sqrt();
+        for (place, &target) in correctives.iter().enumerate() {
+            rates[target] += phi * group.corrective[number * correctives.len() + place];
         }
     }
     rates.iter().map(|rate| rate * (1.0 - far)).collect()
@@ -356,6 +368,7 @@ fn triangle() -> GarmentData {
         pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
+        corrective_count: 0,
     }
 }
 

@@ -56,7 +56,7 @@ fn report(args: &Args) -> Result<(), String> {
     if !args.motion.is_empty() {
         return motions(args, garment, &source);
     }
-    let poses = pose_space::poses(garment, args.poses as usize);
+    let poses = pose_space::poses(garment, 0, args.poses as usize);
     let began = Instant::now();
     let found = audit(&source.body, garment, &poses);
     println!("{} poses in {:.0} s", poses.len(), began.elapsed().as_secs_f64());

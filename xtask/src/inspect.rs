@@ -91,6 +91,9 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
         let drivers = if drivers.is_empty() { "none".to_owned() } else { drivers.join(", ") };
         line!(text, i, "{:>8}  {drivers}", segment.vertex_count);
     }
+    if data.corrective_count > 0 {
+        line!(text, "\ncorrectives", "the last {} targets, between the samples", data.corrective_count);
+    }
     text.push_str("\ntarget                        step um  vertices     bytes  segments\n");
     for target in &data.targets {
         let segments: Vec<String> = target.segments.iter().map(u16::to_string).collect();

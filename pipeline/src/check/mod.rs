@@ -148,6 +148,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         drivers,
         pose_limits: pose_limits?,
         regions: regions?,
+        correctives: value(&manifest.correctives).map_or(0, |count| usize::from(count.0)),
         paths: paths.into_iter().flat_map(measured_paths).collect(),
         sizes: fitted,
         rules: rules.collect(),

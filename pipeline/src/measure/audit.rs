@@ -1,9 +1,9 @@
 //! How deep the cloth lies in the wearer, pose after pose, measured against the skinned mesh of the body. Knows neither files nor
 //! how poses are chosen.
 
-use crate::stages::posed_body::PosedBody;
 use crate::ir::{self, Body};
 use crate::stages::StageError;
+use crate::stages::posed_body::PosedBody;
 use glam::Vec3;
 use kitsuke::evaluate::{blend, skin};
 use kitsuke::skeleton::Pose;

@@ -118,7 +118,7 @@ fn left_out_entry(error: &Error) -> LeftOut {
 #[must_use]
 pub fn fastest(garment: &Garment, count: usize) -> Option<Fastest> {
     let table = &garment.data().poses;
-    let found: Vec<Option<Fastest>> = poses(garment, count)
+    let found: Vec<Option<Fastest>> = poses(garment, 0, count)
         .par_iter()
         .map_init(
             || Frames::new(garment),
@@ -152,7 +152,7 @@ fn small_turn(axis: Vec3) -> Quat {
 #[must_use]
 pub fn smoothness(garment: &Garment, paths: usize, steps: usize) -> Smoothness {
     let table = &garment.data().poses;
-    let ends = poses(garment, 2 * paths);
+    let ends = poses(garment, 0, 2 * paths);
     let walked: Vec<Smoothness> = (0..paths)
         .into_par_iter()
         .map_init(

@@ -2,9 +2,10 @@
 //! else, and the frame in its pose is compared with its target. Knows the run time's garment, no source file.
 
 use crate::stages::StageError;
+use crate::stages::correctives::without_correctives;
 use crate::stages::kernel;
 use glam::{DQuat, DVec3, Vec3};
-use kitsuke::arrays::{GarmentData, Group, Rbf, RbfLayer};
+use kitsuke::arrays::{GarmentData, Group, InvalidGarment, Rbf, RbfLayer};
 use kitsuke::pose_blend::{Kernel, rbf};
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Rates, Scratch, evaluate_with_rates};
@@ -77,12 +78,17 @@ impl Method {
     }
 }
 
-/// The errors of a method, target by target.
+/// The errors of a method, target by target. Correctives are left out: they know the sample that should not be known.
 ///
 /// # Errors
 /// When the default kernel cannot be solved without one of the rows.
 pub fn errors(garment: &Garment, method: Method) -> Result<Vec<Error>, StageError> {
+    let garment = &Garment::new(without_correctives(garment.data())).map_err(invalid)?;
     (0..garment.data().targets.len()).into_par_iter().map(|left_out| error_of(garment, method, left_out)).collect()
+}
+
+fn invalid(error: InvalidGarment) -> StageError {
+    StageError::new("leave-one-out", error.to_string())
 }
 
 fn error_of(garment: &Garment, method: Method, left_out: usize) -> Result<Error, StageError> {
@@ -130,7 +136,7 @@ fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
         };
         rest.rbf = Some(Rbf { layers: rbf.layers.iter().enumerate().map(layer).collect::<Result<_, _>>()? });
     }
-    Garment::new(rest).map_err(|error| StageError::new("leave-one-out", error.to_string()))
+    Garment::new(rest).map_err(invalid)
 }
 
 /// The rates of a method in a pose, layer by layer.

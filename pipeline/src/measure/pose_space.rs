@@ -63,10 +63,10 @@ const ARM_FAMILIES: [ArmFamily; 5] = [
     ArmFamily { down: (-30.0, 20.0), forward: (15.0, 25.0), elbow: (25.0, 25.0), inward: (0.0, 15.0), apart: 0.0 },
 ];
 
-/// The first `count` poses of a garment.
+/// The poses of a garment from number `first` on, `count` of them.
 #[must_use]
-pub fn poses(garment: &Garment, count: usize) -> Vec<Pose> {
-    (0..count as u64).map(|number| garment.limited(&pose(garment.data(), number)).pose).collect()
+pub fn poses(garment: &Garment, first: u64, count: usize) -> Vec<Pose> {
+    (first..first + count as u64).map(|number| garment.limited(&pose(garment.data(), number)).pose).collect()
 }
 
 fn pose(data: &GarmentData, number: u64) -> Pose {

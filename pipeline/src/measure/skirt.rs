@@ -1,8 +1,8 @@
 //! How far the wearer's legs lie outside the skirt, frame after frame: the body's skin against the cloth's inner side. Knows
 //! neither files nor how poses are chosen.
 
-use crate::stages::posed_body::PosedBody;
 use crate::ir;
+use crate::stages::posed_body::PosedBody;
 use glam::Vec3;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Scratch, evaluate};

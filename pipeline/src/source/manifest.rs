@@ -40,6 +40,9 @@ pub struct Manifest {
     /// The deepest that any point of the cloth may lie in the body in the poses of the audit; a pack that is worse is an error. By
     /// default anything goes.
     pub inside_budget: Option<Field<Length>>,
+    /// The most shapes per group of drivers that the build adds to keep the cloth out of the body between the targets, 0 to 32; `0`
+    /// unless given. Each makes the pack larger and the frame slower.
+    pub correctives: Option<Field<ShapeCount>>,
     /// The kimono in the T-pose, an OBJ file.
     #[schemars(required)]
     pub base: Option<Field<String>>,
@@ -101,6 +104,34 @@ pub struct DriverEntry {
     pub group: Option<Field<String>>,
     /// The painted region, a grey PNG file in the texture's space; needed when `regions = "painted"`.
     pub mask: Option<Field<String>>,
+}
+
+/// How many shapes: a whole number from 0 to 32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "toml::Value")]
+pub struct ShapeCount(pub u8);
+
+impl ShapeCount {
+    const MOST: u8 = 32;
+}
+
+impl TryFrom<toml::Value> for ShapeCount {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<ShapeCount, String> {
+        let count = value.as_integer().and_then(|count| u8::try_from(count).ok()).filter(|count| *count <= Self::MOST);
+        count.map(ShapeCount).ok_or_else(|| format!("{value} is no whole number from 0 to {}", Self::MOST))
+    }
+}
+
+impl JsonSchema for ShapeCount {
+    fn schema_name() -> Cow<'static, str> {
+        "ShapeCount".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "integer", "minimum": 0, "maximum": Self::MOST })
+    }
 }
 
 /// Which axis points up: `+Y` (then the front is +Z) or `+Z` (then it is -Y).
@@ -257,6 +288,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         speed_budget,
         unseen_budget,
         inside_budget,
+        correctives,
         base,
         texture,
         obi,
@@ -279,6 +311,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         .into_iter()
         .flatten()
         .for_each(|field| report_wrong(file, field, report));
+    correctives.iter().for_each(|field| report_wrong(file, field, report));
     regions.iter().for_each(|field| report_wrong(file, field, report));
     for DriverEntry { name, joints, threshold, group, mask } in drivers {
         name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));

@@ -11,18 +11,28 @@ use super::laplacian::Neighbours;
 use super::posed_body::PosedBody;
 use crate::ir::Body;
 use crate::stages::StageError;
-use glam::{Affine3A, Mat3, Quat, Vec3};
-use kitsuke::arrays::{GarmentData, Segment, Target};
+use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
+use kitsuke::arrays::{GarmentData, RbfLayer, Segment, SkinWeights, Target};
 use kitsuke::evaluate::{blend, skin};
 use kitsuke::pack::write::{Wanted, quantise};
-use kitsuke::skeleton::{Bone, Pose};
+use kitsuke::pose_blend::rbf::rows_of_layer;
+use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Rates, Scratch};
 use rayon::prelude::*;
+
+/// Half the diagonal of a cell of the grid, in its steps, and somewhat more: every ball of this radius holds a point of it.
+const RADIUS: f32 = 0.9;
+
+/// Counts up whenever the same input gives other correctives.
+pub const VERSION: u32 = 1;
+
+/// Cloth this much farther from the body than it should be is not drawn into it by its neighbours, metres.
+const NEAR_M: f32 = 0.02;
 
 /// How cloth is pushed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Poses at which cloth is pushed, per layer.
+    /// Poses at which cloth is pushed.
     pub poses: usize,
     /// How far from the body pushed cloth shall lie, where the samples lie as far from it, metres.
     pub clearance_m: f32,
@@ -51,91 +61,134 @@ impl Default for Settings {
             fading: 0.02,
             rounds: 5,
             sweeps: 40,
-            tolerance_m: 0.0005,
-            shapes: 12,
+            tolerance_m: 0.0002,
+            shapes: 8,
             step_m: 0.0002,
         }
     }
 }
 
-/// The garment with correctives for all layers.
-///
-/// `poses` are poses between the samples; each layer takes from them what its joints do.
+/// What keeps the cloth of one group's drivers out of the body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correctives {
+    /// Shape after shape what each unique vertex is moved by before posing, metres at full rate.
+    shapes_m: Vec<Vec<Vec3>>,
+    /// Pose after pose what each shape counts, at most 1.
+    rates: Vec<f32>,
+}
+
+impl Correctives {
+    /// As the memo keeps them: how many shapes, their rates, their coordinates.
+    pub fn numbers(&self) -> impl Iterator<Item = f32> {
+        let coordinates = self.shapes_m.iter().flatten().flat_map(|move_m| move_m.to_array());
+        std::iter::once(self.shapes_m.len() as f32).chain(self.rates.iter().copied()).chain(coordinates)
+    }
+
+    /// Takes one group's correctives from the front of the memo's numbers.
+    fn take(numbers: &mut &[f32], poses: usize, vertices: usize) -> Correctives {
+        let mut take = |count: usize| {
+            let (taken, rest) = numbers.split_at(count);
+            *numbers = rest;
+            taken
+        };
+        let shapes = take(1)[0] as usize;
+        let rates = take(poses * shapes).to_vec();
+        let shapes_m =
+            (0..shapes).map(|_| take(3 * vertices).chunks_exact(3).map(Vec3::from_slice).collect()).collect();
+        Correctives { shapes_m, rates }
+    }
+}
+
+/// The correctives of every group of the default kernel, layer by layer. `poses` lie between the samples; each layer takes from them
+/// what its own joints do.
+#[must_use]
+pub fn correctives(garment: &Garment, body: &Body, poses: &[Pose], settings: &Settings) -> Vec<Correctives> {
+    let neighbours = neighbours(garment);
+    let mut found = Vec::new();
+    for (number, layer) in garment.data().rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate()) {
+        let segments = &garment.data().segments;
+        let owners: Vec<Vec<f32>> = layer.groups.iter().map(|group| shares(segments, &group.drivers)).collect();
+        let owned: Vec<f32> = (0..garment.unique_count()).map(|v| owners.iter().map(|owner| owner[v]).sum()).collect();
+        let clearances_m = clearances(garment, body, number, settings);
+        let push =
+            Push { garment, body, neighbours: &neighbours, owned: &owned, clearances_m: &clearances_m, settings };
+        let pushes: Vec<Vec<Vec3>> = poses.par_iter().map(|pose| push.at(&alone(layer, pose))).collect();
+        found.extend(owners.iter().map(|owner| components(&pushes, owner, settings)));
+    }
+    found
+}
+
+/// The garment with these correctives, as [`Correctives::numbers`] of all groups after each other, made for the same poses.
 ///
 /// # Errors
-/// When the coefficients cannot be found, which for finite poses they can.
+/// When the coefficients cannot be found because two poses cannot be told apart.
 pub fn with_correctives(
     garment: &Garment,
-    body: &Body,
     poses: &[Pose],
+    mut numbers: &[f32],
     settings: &Settings,
 ) -> Result<GarmentData, StageError> {
     let mut data = garment.data().clone();
-    let Some(rbf) = &garment.data().rbf else { return Ok(data) };
-    let cloth = Cloth::new(garment);
-    let mut shapes = Vec::new();
-    for (number, layer) in rbf.layers.iter().enumerate() {
-        let owners: Vec<Vec<f32>> = layer.groups.iter().map(|group| shares(&data.segments, &group.drivers)).collect();
-        let all: Vec<f32> = (0..garment.unique_count()).map(|v| owners.iter().map(|owner| owner[v]).sum()).collect();
-        let clearances_m = clearances(garment, body, number, settings);
-        let joints: Vec<Bone> = layer.groups.iter().flat_map(|g| &g.chain).map(|joint| joint.bone).collect();
-        let alone = |pose: &Pose| joints.iter().fold(Pose::REST, |alone, &bone| alone.with(bone, pose.rotation(bone)));
-        let poses: Vec<Pose> = poses.iter().take(settings.poses).map(alone).collect();
-        let pushes: Vec<Vec<Vec3>> = poses
-            .par_iter()
-            .map(|pose| {
-                let push = Push { garment, body, cloth: &cloth, owned: &all, clearances_m: &clearances_m, settings };
-                push.at(pose)
-            })
-            .collect();
-        for (group, owner) in layer.groups.iter().zip(&owners) {
-            let basis = Basis::new(&pushes, owner, settings);
-            let bones: Vec<Bone> = group.chain.iter().map(|joint| joint.bone).collect();
-            let centres: Vec<Quat> = poses
-                .iter()
-                .flat_map(|pose| {
-                    let pose = pose.with_arms_untwisted();
-                    bones.iter().map(move |&bone| pose.rotation(bone)).collect::<Vec<_>>()
-                })
-                .collect();
-            if let Ok(dir) = std::env::var("DUMP") {
-                let mut chain = group.chain.clone();
-                chain.iter_mut().for_each(|j| (j.swing, j.twist) = (1.0, 1.0));
-                let mut out = String::new();
-                let rows = kitsuke::pose_blend::rbf::rows_of_layer(&data, number);
-                let es = kitsuke::pose_blend::rbf::embed_samples(&chain, &data.poses, &rows);
-                let ec = kitsuke::pose_blend::rbf::embed_rows(&chain, &centres);
-                let len = kitsuke::pose_blend::rbf::embedding_length(&chain);
-                let s = basis.shapes_m.len();
-                let norms: Vec<f64> = basis.shapes_m.iter().map(|x| x.iter().zip(owner).map(|(d, o)| f64::from(d.length_squared() * o)).sum::<f64>().sqrt()).collect();
-                for (i, e) in es.chunks(len).chain(ec.chunks(len)).enumerate() {
-                    let r = i as isize - rows.len() as isize;
-                    let vals: Vec<f64> = if r < 0 { vec![0.0; s] } else { (0..s).map(|k| basis.rates[r as usize * s + k] * norms[k]).collect() };
-                    out += &e.iter().chain(&vals).map(|x| format!("{x:.6}")).collect::<Vec<_>>().join(" ");
-                    out += "\n";
-                }
-                std::fs::write(format!("{dir}/{}_{}_{}.txt", group.name, rows.len(), s), out).unwrap();
+    let layers = garment.data().rbf.iter().flat_map(|rbf| &rbf.layers).enumerate();
+    let mut places = Vec::new();
+    let mut wanted = Vec::new();
+    for (number, layer) in layers {
+        for group in &layer.groups {
+            let found = Correctives::take(&mut numbers, poses.len(), garment.unique_count());
+            for (place, shape_m) in found.shapes_m.iter().enumerate() {
+                let name = format!("{} corrective {}", group.name, place + 1);
+                let (target, steps) = target(&data, name, number as u8, shape_m, settings.step_m);
+                wanted.push(Wanted { segments: target.segments.clone(), steps });
+                data.targets.push(target);
             }
-            shapes.push((number, group.name.clone(), centres, basis));
+            let turned = poses.iter().map(Pose::with_arms_untwisted);
+            let centres: Vec<Quat> =
+                turned.flat_map(|pose| group.chain.iter().map(move |joint| pose.rotation(joint.bone))).collect();
+            places.push((centres, found.rates));
         }
     }
-    append(&mut data, &shapes, settings)?;
+    data.corrective_count = wanted.len();
+    let first = data.targets.len() - wanted.len();
+    let quantised = quantise(&data.mesh, &data.segments, &wanted, RADIUS);
+    data.targets[first..].iter_mut().zip(quantised).for_each(|(target, deltas)| target.deltas = deltas);
+    kernel::correct(&mut data, &places)?;
     Ok(data)
 }
 
-/// Vertices and their neighbours.
-struct Cloth {
-    neighbours: Neighbours,
+/// The garment as it blends without correctives.
+#[must_use]
+pub fn without_correctives(data: &GarmentData) -> GarmentData {
+    let mut data = data.clone();
+    let samples = data.sample_count();
+    for number in 0..data.layer_count() {
+        let all = data.targets_of_layer(number).count();
+        let kept = data.targets_of_layer(number).filter(|&target| target < samples).count();
+        let layers = data.rbf.iter_mut().flat_map(|rbf| &mut rbf.layers[number].groups);
+        for group in layers {
+            for coefficients in [&mut group.own, &mut group.joint] {
+                *coefficients = coefficients.chunks_exact(all.max(1)).flat_map(|row| &row[..kept]).copied().collect();
+            }
+            group.centres.clear();
+            group.corrective.clear();
+        }
+    }
+    data.targets.truncate(samples);
+    data.corrective_count = 0;
+    data
 }
 
-impl Cloth {
-    fn new(garment: &Garment) -> Cloth {
-        let mesh = &garment.data().mesh;
-        let unique = garment.unique_count();
-        let original = |v: u32| (v as usize).checked_sub(unique).map_or(v, |twin| mesh.twin_of[twin]);
-        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(original)).collect();
-        Cloth { neighbours: Neighbours::new(&mesh.positions_m, &triangles) }
-    }
+/// What a layer takes from a pose.
+fn alone(layer: &RbfLayer, pose: &Pose) -> Pose {
+    let joints = layer.groups.iter().flat_map(|group| &group.chain);
+    joints.fold(Pose::REST, |alone, joint| alone.with(joint.bone, pose.rotation(joint.bone)))
+}
+
+/// The cloth, seams closed.
+fn neighbours(garment: &Garment) -> Neighbours {
+    let mesh = &garment.data().mesh;
+    let original = |v: u32| (v as usize).checked_sub(garment.unique_count()).map_or(v, |twin| mesh.twin_of[twin]);
+    let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+    Neighbours::new(&mesh.positions_m, &triangles)
 }
 
 /// How much of each vertex some drivers own, 0 to 1.
@@ -157,7 +210,7 @@ fn shares(segments: &[Segment], drivers: &[u8]) -> Vec<f32> {
 
 /// How far from the body each vertex shall stay: as far as in every sample of the layer, at most as far as set, at least outside.
 fn clearances(garment: &Garment, body: &Body, layer: usize, settings: &Settings) -> Vec<f32> {
-    let rows = kitsuke::pose_blend::rbf::rows_of_layer(garment.data(), layer);
+    let rows = rows_of_layer(garment.data(), layer);
     let of_row = |row: &usize| {
         let pose = garment.data().poses.pose(*row);
         let posed_m = posed(garment, &pose);
@@ -183,7 +236,7 @@ fn posed(garment: &Garment, pose: &Pose) -> Vec<Vec3> {
 struct Push<'a> {
     garment: &'a Garment,
     body: &'a Body,
-    cloth: &'a Cloth,
+    neighbours: &'a Neighbours,
     /// How much of each vertex the layer owns.
     owned: &'a [f32],
     clearances_m: &'a [f32],
@@ -199,30 +252,25 @@ impl Push<'_> {
         let count = blended_m.len();
         let mut moves_m = vec![Vec3::ZERO; count];
         let mut is_held: Vec<bool> = self.owned.iter().map(|&owned| owned < 0.5).collect();
-        let is_fixed = is_held.clone();
+        // Cloth that is far from the body stays far: later rounds only look at what is near or moves.
+        let mut near: Vec<usize> = (0..count).filter(|&v| !is_held[v]).collect();
         for _ in 0..settings.rounds {
             let mut pushed = false;
-            for v in (0..count).filter(|&v| !is_fixed[v]) {
-                let place = blended_m[v] + moves_m[v];
+            near.retain(|&v| {
                 let wanted_m = self.clearances_m[v];
-                let Some((distance_m, outward)) = body.place(place, wanted_m, settings.deepest_m) else { continue };
+                let place = body.place(blended_m[v] + moves_m[v], wanted_m + NEAR_M, settings.deepest_m);
+                let Some((distance_m, outward)) = place else { return false };
                 if distance_m < wanted_m {
                     moves_m[v] += (wanted_m - distance_m) * outward;
                     is_held[v] = true;
                     pushed = true;
                 }
-            }
+                true
+            });
             if !pushed {
                 break;
             }
             self.smooth(&mut moves_m, &is_held);
-        }
-        if std::env::var("DBG").is_ok() {
-            let mut left = (0..count).filter(|&v| !is_fixed[v]).filter_map(|v| body.place(blended_m[v] + moves_m[v], 0.0, 0.08)).map(|p| -p.0).collect::<Vec<_>>();
-            left.sort_by(f32::total_cmp);
-            let most = moves_m.iter().map(|m| m.length()).fold(0.0, f32::max);
-            let un = self.unposed(pose, &moves_m).iter().map(|m| m.length()).fold(0.0, f32::max);
-            eprintln!("pushed at most {:.1} mm, unposed {:.1}; left {} inside, deepest {:.2} mm", most * 1e3, un * 1e3, left.iter().filter(|d| **d > 0.001).count(), left.last().unwrap_or(&0.0) * 1e3);
         }
         self.unposed(pose, &moves_m)
     }
@@ -231,7 +279,7 @@ impl Push<'_> {
     fn smooth(&self, moves_m: &mut [Vec3], is_held: &[bool]) {
         for _ in 0..self.settings.sweeps {
             for v in (0..moves_m.len()).filter(|&v| !is_held[v]) {
-                let near = self.cloth.neighbours.of(v);
+                let near = self.neighbours.of(v);
                 if !near.is_empty() {
                     let sum: Vec3 = near.iter().map(|&n| moves_m[n as usize]).sum();
                     moves_m[v] = sum * ((1.0 - self.settings.fading) / near.len() as f32);
@@ -245,7 +293,7 @@ impl Push<'_> {
         let data = self.garment.data();
         let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.joints().len()];
         data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut posed_from_rest);
-        let unposed = |((move_m, skin), owned): ((&Vec3, &kitsuke::arrays::SkinWeights), &f32)| {
+        let unposed = |((move_m, skin), owned): ((&Vec3, &SkinWeights), &f32)| {
             if move_m.length_squared() < 1e-12 {
                 return Vec3::ZERO;
             }
@@ -261,98 +309,57 @@ impl Push<'_> {
     }
 }
 
-/// Principal components of the pushes of a group.
-struct Basis {
-    /// Shape after shape, metres at full rate.
-    shapes_m: Vec<Vec<Vec3>>,
-    /// Pose after pose what each shape counts, at most 1.
-    rates: Vec<f64>,
+/// Principal components of the pushes, weighted by how much of each vertex the group owns.
+fn components(pushes_m: &[Vec<Vec3>], owner: &[f32], settings: &Settings) -> Correctives {
+    let count = pushes_m.len();
+    let is_moved = |v: &usize| owner[*v] > 0.0 && pushes_m.iter().any(|push| push[*v] != Vec3::ZERO);
+    let moved: Vec<usize> = (0..owner.len()).filter(is_moved).collect();
+    let product = |i: usize, j: usize| -> f64 {
+        let at = |&v: &usize| f64::from(owner[v]) * f64::from(pushes_m[i][v].dot(pushes_m[j][v]));
+        moved.iter().map(at).sum()
+    };
+    let upper: Vec<Vec<f64>> =
+        (0..count).into_par_iter().map(|i| (i..count).map(|j| product(i, j)).collect()).collect();
+    let components = kernel::principal(count, |i, j| upper[i.min(j)][i.max(j) - i.min(j)]);
+    let numbers = (count * moved.len()).max(1) as f64;
+    let mut left: f64 = components.iter().map(|(value, _)| value.max(0.0)).sum();
+    let mut chosen: Vec<&[f64]> = Vec::new();
+    for (value, vector) in components.iter().take(settings.shapes) {
+        if (left / numbers).sqrt() <= settings.tolerance_m {
+            break;
+        }
+        left -= value;
+        chosen.push(vector);
+    }
+    // The pushes P are about Σ u (uᵀ P); the largest entry of each u is divided out of the rates.
+    let most: Vec<f64> = chosen.iter().map(|vector| vector.iter().fold(0.0f64, |most, u| most.max(u.abs()))).collect();
+    let shape = |(vector, most): (&&[f64], &f64)| {
+        let mut shape_m = vec![Vec3::ZERO; owner.len()];
+        for &v in &moved {
+            let sum: DVec3 = pushes_m.iter().zip(*vector).map(|(push, u)| push[v].as_dvec3() * *u).sum();
+            shape_m[v] = (sum * *most).as_vec3();
+        }
+        shape_m
+    };
+    let shapes_m = chosen.iter().zip(&most).map(shape).collect();
+    let rates =
+        (0..count).flat_map(|pose| chosen.iter().zip(&most).map(move |(vector, most)| (vector[pose] / most) as f32));
+    Correctives { shapes_m, rates: rates.collect() }
 }
 
-impl Basis {
-    fn new(pushes_m: &[Vec<Vec3>], owner: &[f32], settings: &Settings) -> Basis {
-        let count = pushes_m.len();
-        let moving: Vec<usize> = (0..owner.len())
-            .filter(|&v| owner[v] > 0.0 && pushes_m.iter().any(|push| push[v] != Vec3::ZERO))
-            .collect();
-        let product = |i: usize, j: usize| -> f64 {
-            let dot = |&v: &usize| f64::from(owner[v]) * f64::from(pushes_m[i][v].dot(pushes_m[j][v]));
-            moving.iter().map(dot).sum()
-        };
-        let upper: Vec<Vec<f64>> =
-            (0..count).into_par_iter().map(|i| (i..count).map(|j| product(i, j)).collect()).collect();
-        let gram = |i: usize, j: usize| upper[i.min(j)][i.max(j) - i.min(j)];
-        let components = kernel::principal(count, gram);
-        let mut left: f64 = components.iter().map(|(value, _)| value.max(0.0)).sum();
-        let scale = (count * moving.len().max(1)) as f64;
-        let mut chosen = Vec::new();
-        for (value, vector) in components.iter().take(settings.shapes) {
-            if (left / scale).sqrt() < settings.tolerance_m {
-                break;
-            }
-            left -= value;
-            chosen.push(vector);
-        }
-        eprintln!(
-            "basis: {} poses, {} moving vertices, {} shapes, left rms {:.2} mm (all {:.2} mm)",
-            count,
-            moving.len(),
-            chosen.len(),
-            (left.max(0.0) / scale).sqrt() * 1e3,
-            (components.iter().map(|c| c.0.max(0.0)).sum::<f64>() / scale).sqrt() * 1e3
-        );
-        let mut shapes_m = Vec::new();
-        let mut rates = vec![0.0; count * chosen.len()];
-        for (s, vector) in chosen.iter().enumerate() {
-            // P ≈ Σ u (uᵀ P): the shape is uᵀ P times the largest entry of u.
-            let most = vector.iter().fold(0.0f64, |most, u| most.max(u.abs()));
-            let mut shape_m = vec![Vec3::ZERO; owner.len()];
-            for &v in &moving {
-                let sum: glam::DVec3 = pushes_m.iter().zip(vector.iter()).map(|(push, u)| push[v].as_dvec3() * *u).sum();
-                shape_m[v] = (sum * most).as_vec3();
-            }
-            shapes_m.push(shape_m);
-            (0..count).for_each(|pose| rates[pose * chosen.len() + s] = vector[pose] / most);
-        }
-        Basis { shapes_m, rates }
-    }
-}
-
-/// Adds the shapes of all groups to the garment.
-fn append(
-    data: &mut GarmentData,
-    shapes: &[(usize, String, Vec<Quat>, Basis)],
-    settings: &Settings,
-) -> Result<(), StageError> {
-    let samples = data.targets.len();
-    let mut wanted = Vec::new();
-    for (layer, name, _, basis) in shapes {
-        for (number, shape_m) in basis.shapes_m.iter().enumerate() {
-            let mut segments = Vec::new();
-            let mut steps = Vec::new();
-            let mut start = 0;
-            for (s, segment) in data.segments.iter().enumerate() {
-                let run = &shape_m[start..start + segment.vertex_count as usize];
-                start += segment.vertex_count as usize;
-                let is_driven = segment.drivers.iter().any(|&d| usize::from(data.drivers[usize::from(d)].layer) == *layer);
-                if is_driven && run.iter().any(|delta| delta.length() > settings.step_m) {
-                    segments.push(s as u16);
-                    steps.extend(run.iter().map(|delta| *delta / settings.step_m));
-                }
-            }
-            wanted.push(Wanted { segments: segments.clone(), steps });
-            data.targets.push(Target {
-                name: format!("{name} corrective {}", number + 1),
-                layer: *layer as u8,
-                step_m: settings.step_m,
-                segments,
-                deltas: Vec::new(),
-            });
+/// A shape as a target yet without deltas, and its steps, not yet whole. Segments in which nothing moves by a step are left out.
+fn target(data: &GarmentData, name: String, layer: u8, shape_m: &[Vec3], step_m: f32) -> (Target, Vec<Vec3>) {
+    let mut target = Target { name, layer, step_m, segments: Vec::new(), deltas: Vec::new() };
+    let mut steps = Vec::new();
+    let mut rest = shape_m;
+    for (number, segment) in data.segments.iter().enumerate() {
+        let (run, after) = rest.split_at(segment.vertex_count as usize);
+        rest = after;
+        let is_driven = segment.drivers.iter().any(|&driver| data.drivers[usize::from(driver)].layer == layer);
+        if is_driven && run.iter().any(|move_m| move_m.length() > step_m) {
+            target.segments.push(number as u16);
+            steps.extend(run.iter().map(|move_m| *move_m / step_m));
         }
     }
-    for (target, deltas) in data.targets[samples..].iter_mut().zip(quantise(&data.mesh, &data.segments, &wanted, 0.9)) {
-        target.deltas = deltas;
-    }
-    data.corrective_count = data.targets.len() - samples;
-    kernel::correct(data, shapes.iter().map(|(_, _, centres, basis)| (centres.as_slice(), basis.rates.as_slice())))
+    (target, steps)
 }

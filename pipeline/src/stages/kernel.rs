@@ -290,69 +290,72 @@ pub fn interpolate(data: &GarmentData, layer: usize, limbs: &[Limb], scales: &Sc
     Ok(RbfLayer { groups, joint_width: scales.joint_width, reach: distances.reach(is_limited), ridge: scales.ridge })
 }
 
-/// Gives the groups of the default kernel, in their order, poses between the samples and what the correctives count there: pose by pose
-/// one rate for each of the group's own correctives, which stand in `data.targets` group by group.
+/// Makes the default kernel set the correctives' rates. For every group, layer by layer, `places` has poses between the samples
+/// (rotations of the chain's joints) and pose by pose what each of the group's own correctives counts there; the correctives stand
+/// at the end of `data.targets`, group by group.
 ///
 /// # Errors
 /// When two of the poses are too near to each other to be told apart.
-pub fn correct<'a>(
-    data: &mut GarmentData,
-    groups: impl Iterator<Item = (&'a [Quat], &'a [f64])>,
-) -> Result<(), StageError> {
+pub fn correct(data: &mut GarmentData, places: &[(Vec<Quat>, Vec<f32>)]) -> Result<(), StageError> {
     let Some(mut rbf) = data.rbf.take() else { return Ok(()) };
-    let mut groups = groups;
+    let mut places = places.iter();
     for (number, layer) in rbf.layers.iter_mut().enumerate() {
         let rows = rows_of_layer(data, number);
         let correctives = data.targets_of_layer(number).count() + 1 - rows.len();
         let (limbs, scales) = limbs_and_scales(layer);
         let distances = Distances::new(data, &rows, &limbs, &scales);
         let all: Vec<usize> = (0..rows.len()).collect();
-        let alike = || StageError::new("correctives", "two poses between the samples cannot be told apart".to_owned());
-        let joint_factor = distances.joint_system(&all, &scales).cholesky().ok_or_else(alike)?;
+        let alike = || StageError::new("correctives", "two poses between the samples cannot be told apart");
+        let joint = distances.joint_system(&all, &scales).cholesky().ok_or_else(alike)?;
         let mut first = 0;
-        for group in &mut layer.groups {
-            let Some((centres, rates)) = groups.next() else { break };
+        for (group, (centres, rates)) in layer.groups.iter_mut().zip(&mut places) {
             let count = centres.len() / group.chain.len();
-            let own_count = rates.len().checked_div(count).unwrap_or(0);
-            let length = embedding_length(&group.chain);
-            let mut places = embed_samples(&group.chain, &data.poses, &rows);
-            places.extend(embed_rows(&group.chain, centres));
-            let place = |i: usize| &places[i * length..(i + 1) * length];
-            let phi = |i: usize, j: usize| inverse_multiquadric(squared_distance(place(i), place(j)));
-            let system = Matrix::new(rows.len() + count, |i, j| phi(i, j) + if i == j { std::env::var("RIDGE").map_or(CORRECTIVE_RIDGE, |x| x.parse().unwrap()) } else { 0.0 });
-            let factor = system.cholesky().ok_or_else(alike)?;
-            let widened = |old: &[f64]| -> Vec<Vec<f64>> {
-                let width = rows.len() - 1;
-                (0..rows.len()).map(|row| [&old[row * width..(row + 1) * width], &vec![0.0; correctives]].concat()).collect()
-            };
-            let (mut own, mut joint) = (widened(&group.own), widened(&group.joint));
-            let mut corrective = vec![0.0; count * correctives];
-            for shape in 0..own_count {
-                let mut values = vec![0.0; rows.len()];
-                values.extend((0..count).map(|pose| rates[pose * own_count + shape]));
-                let solved = factor.solve_twice(&values);
-                // What the ridge leaves at the samples.
-                let left: Vec<f64> = (0..rows.len())
-                    .map(|i| -(0..solved.len()).map(|j| phi(i, j) * solved[j]).sum::<f64>())
-                    .collect();
-                let left = joint_factor.solve_twice(&left);
-                for row in 0..rows.len() {
-                    own[row][rows.len() - 1 + first + shape] = solved[row];
-                    joint[row][rows.len() - 1 + first + shape] = left[row];
+            let shapes = rates.len().checked_div(count).unwrap_or(0);
+            let mut embedded = embed_samples(&group.chain, &data.poses, &rows);
+            embedded.extend(embed_rows(&group.chain, centres));
+            let place =
+                |i: usize| &embedded[i * embedding_length(&group.chain)..(i + 1) * embedding_length(&group.chain)];
+            let near =
+                Matrix::new(rows.len() + count, |i, j| inverse_multiquadric(squared_distance(place(i), place(j))));
+            let ridge = |i, j| if i == j { CORRECTIVE_RIDGE } else { 0.0 };
+            let own = Matrix::new(near.size, |i, j| near.at(i, j) + ridge(i, j)).cholesky().ok_or_else(alike)?;
+
+            // New columns; the old ones stay as they are.
+            let width = rows.len() - 1 + correctives;
+            for coefficients in [&mut group.own, &mut group.joint] {
+                let mut wider = vec![0.0; rows.len() * width];
+                for (wide, row) in wider.chunks_exact_mut(width).zip(coefficients.chunks_exact(rows.len() - 1)) {
+                    wide[..row.len()].copy_from_slice(row);
                 }
-                (0..count).for_each(|pose| corrective[pose * correctives + first + shape] = solved[rows.len() + pose]);
+                *coefficients = wider;
             }
-            first += own_count;
-            (group.own, group.joint, group.corrective) = (own.concat(), joint.concat(), corrective);
-            group.centres = centres.to_vec();
+            group.corrective = vec![0.0; count * correctives];
+            for shape in 0..shapes {
+                let mut wanted = vec![0.0; rows.len()];
+                wanted.extend((0..count).map(|pose| f64::from(rates[pose * shapes + shape])));
+                let solved = own.solve_twice(&wanted);
+                // At the samples nothing may be left, however the ridge smoothed.
+                let left: Vec<f64> = near.times_vector(&solved)[..rows.len()].iter().map(|left| -left).collect();
+                let left = joint.solve_twice(&left);
+                for row in 0..rows.len() {
+                    let at = row * width + rows.len() - 1 + first + shape;
+                    (group.own[at], group.joint[at]) = (solved[row], left[row]);
+                }
+                for pose in 0..count {
+                    group.corrective[pose * correctives + first + shape] = solved[rows.len() + pose];
+                }
+            }
+            first += shapes;
+            group.centres.clone_from(centres);
         }
     }
     data.rbf = Some(rbf);
     Ok(())
 }
 
-/// Ridge of the correctives' system: pushes are known to tenths of a millimetre, not better.
-const CORRECTIVE_RIDGE: f64 = 1e-4;
+/// Ridge of the correctives' system. Pushes have kinks where cloth begins to touch; followed closely they would swing between the
+/// poses (1e-6: legs up to 80 mm outside in recorded motions instead of 36).
+const CORRECTIVE_RIDGE: f64 = 1e-3;
 
 /// Eigenvalues, the largest first, and unit eigenvectors of a symmetric matrix, by Jacobi's rotations.
 pub(super) fn principal(size: usize, at: impl Fn(usize, usize) -> f64) -> Vec<(f64, Vec<f64>)> {

@@ -407,6 +407,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     check_length("layers of the default kernel", rbf.layers.len(), data.layer_count())?;
     let mut owned = vec![false; data.drivers.len()];
     let mut number = 0;
+    let mut all_centres = 0;
     for (layer, RbfLayer { groups, joint_width, reach, ridge }) in rbf.layers.iter().enumerate() {
         let usable = |width: &f64| *width > 1e-9 && *width <= limits::RBF_WIDTH;
         if ![joint_width, reach, ridge].into_iter().all(usable) {
@@ -425,6 +426,8 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             let targets = data.targets_of_layer(layer).count();
             let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count()).count();
             let centres = check_centres(group, number)?;
+            all_centres += centres;
+            check_count("poses between the samples", all_centres, 0, limits::CENTRES)?;
             let lengths = [(samples + 1) * targets, (samples + 1) * targets, centres * (targets - samples)];
             for (coefficients, length) in [&group.own, &group.joint, &group.corrective].into_iter().zip(lengths) {
                 check_length("coefficients of a group", coefficients.len(), length)?;
@@ -444,7 +447,6 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
 /// How many poses between the samples a group has, whose chain is checked.
 fn check_centres(group: &Group, number: usize) -> Result<usize, InvalidGarment> {
     let centres = group.centres.len() / group.chain.len();
-    check_count("poses between the samples", centres, 0, limits::CENTRES)?;
     check_length("rotations between the samples", group.centres.len(), centres * group.chain.len())?;
     if group.centres.iter().any(skewed) {
         return Err(InvalidGarment::GroupCentre(number));

@@ -38,8 +38,8 @@ pub mod limits {
     pub const PARTS: usize = 256;
     /// Longest name, bytes.
     pub const NAME_BYTES: usize = 256;
-    /// Most poses between the samples of a group.
-    pub const CENTRES: usize = 4096;
+    /// Most poses between the samples, of all groups together.
+    pub const CENTRES: usize = 1024;
     /// Most joints in a chain of the default kernel.
     pub const CHAIN: usize = 16;
     /// Largest width, ridge or scale of the default kernel.

@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn vector_instructions_change_no_bit() {
-        let pack = Pack::open(include_bytes!("../../../tests/packs/v3_0.kitsuke")).unwrap();
+        let pack = Pack::open(include_bytes!("../../../tests/packs/v4_0.kitsuke")).unwrap();
         let garment = pack.garment();
         let pose = Pose::REST.with(Bone::LeftUpperArm, Quat::from_rotation_z(-0.8));
         let mut rates = Rates::new(garment.data());

@@ -363,9 +363,7 @@ pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<Poses, 
         .collect::<Result<_, _>>()?;
     let bones = (0..info.pose_bones).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
     let rows = info.targets.saturating_sub(info.correctives) + 1;
-    let rotations = (0..rows * info.pose_bones)
-        .map(|_| from.quat())
-        .collect::<Result<_, _>>()?;
+    let rotations = (0..rows * info.pose_bones).map(|_| from.quat()).collect::<Result<_, _>>()?;
     let pose_limits = (0..from.u8()?)
         .map(|_| {
             let bones = (0..from.u8()?).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
@@ -511,11 +509,7 @@ pub(super) fn read_rbf(
     Ok(Some(Rbf { layers: layers.collect::<Result<_, _>>()? }))
 }
 
-fn read_rbf_layer(
-    samples: usize,
-    correctives: usize,
-    from: &mut Reader<'_>,
-) -> Result<RbfLayer, ContentProblem> {
+fn read_rbf_layer(samples: usize, correctives: usize, from: &mut Reader<'_>) -> Result<RbfLayer, ContentProblem> {
     let [joint_width, reach, ridge] = [from.f64()?, from.f64()?, from.f64()?];
     let coefficients = (samples + 1) * (samples + correctives);
     let groups = (0..from.u8()?)
