@@ -4,12 +4,14 @@
 use glam::Vec3;
 use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::{Bone, Pose};
-use kitsuke::{Frame, Garment, Scratch, evaluate};
+use kitsuke::{Frame, Garment, Rates, Scratch, evaluate};
 use kitsuke_pipeline::look::frames::{Blend, Distance, Stage, in_source_order, own_poses};
+use kitsuke_pipeline::measure::audit::audit;
 use kitsuke_pipeline::measure::certificate::{Smoothness, fastest, keep_budgets, smoothness};
 use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
 use kitsuke_pipeline::measure::pose_space::poses;
 use kitsuke_pipeline::memo::Memo;
+use kitsuke_pipeline::stages::correctives::without_correctives;
 use kitsuke_pipeline::{build_garment, ir};
 use std::path::Path;
 use std::sync::LazyLock;
@@ -36,6 +38,35 @@ fn every_sample_comes_back_from_its_pose() {
 }
 
 #[test]
+fn correctives_are_nothing_at_the_samples_and_lift_the_cloth_out_of_the_body_between_them() {
+    let (source, garment) = &*KOMON;
+    let data = garment.data();
+    assert!(
+        (1..=24).contains(&data.corrective_count),
+        "at most 8 of each arm and of the legs: {}",
+        data.corrective_count
+    );
+    let mut rates = Rates::new(data);
+    for row in 0..=data.sample_count() {
+        garment.blend_rates(Kernel::Rbf, &data.poses.pose(row), &mut rates);
+        let of_correctives = (0..data.drivers.len()).flat_map(|driver| &rates.driver(driver)[data.sample_count()..]);
+        let most = of_correctives.fold(0.0f32, |most, rate| most.max(rate.abs()));
+        assert!(most < 1e-6, "{most} in row {row}");
+    }
+
+    let without = Garment::new(without_correctives(data)).unwrap();
+    let poses = poses(garment, 0, 40);
+    let depths = |garment| {
+        let mut depths: Vec<f32> = audit(&source.body, garment, &poses).by_pose.iter().map(|d| d.depth_m).collect();
+        depths.sort_by(f32::total_cmp);
+        [depths[20], depths[39]]
+    };
+    let ([median_m, worst_m], [median_before_m, worst_before_m]) = (depths(garment), depths(&without));
+    assert!(median_m < 0.85 * median_before_m, "{median_m} m instead of {median_before_m} m");
+    assert!(worst_m < worst_before_m, "{worst_m} m instead of {worst_before_m} m");
+}
+
+#[test]
 fn a_thousand_paths_have_no_jump_and_no_corner() {
     let (_, garment) = &*KOMON;
     let Smoothness { step_mm, step_change_mm } = smoothness(garment, 1000, 3);
@@ -52,7 +83,8 @@ fn unseen_targets_are_predicted_better_than_by_any_other_way() {
 }
 
 fn better_than_any_other_way(garment: &Garment, layer: usize) {
-    let of_layer: Vec<usize> = garment.data().targets_of_layer(layer).collect();
+    let samples = garment.data().sample_count();
+    let of_layer: Vec<usize> = garment.data().targets_of_layer(layer).filter(|&target| target < samples).collect();
     let mean = |method: Method, of: fn(&Error) -> f64| {
         let errors = errors(garment, method).unwrap();
         of_layer.iter().map(|&target| of(&errors[target])).sum::<f64>() / of_layer.len() as f64
