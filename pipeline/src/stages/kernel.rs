@@ -324,7 +324,9 @@ pub fn correct(data: &mut GarmentData, places: &[(Vec<Quat>, Vec<f32>)]) -> Resu
             let width = rows.len() - 1 + correctives;
             for coefficients in [&mut group.own, &mut group.joint] {
                 let mut wider = vec![0.0; rows.len() * width];
-                for (wide, row) in wider.chunks_exact_mut(width).zip(coefficients.chunks_exact(rows.len() - 1)) {
+                for (wide, row) in
+                    wider.chunks_exact_mut(width.max(1)).zip(coefficients.chunks_exact(rows.len().max(2) - 1))
+                {
                     wide[..row.len()].copy_from_slice(row);
                 }
                 *coefficients = wider;
