@@ -7,7 +7,7 @@ use kitsuke::skeleton::osc::LONGEST_DATAGRAM;
 use kitsuke::skeleton::vmc::Receiver;
 use kitsuke::skeleton::{Skeleton, Tracked};
 use std::io::ErrorKind;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::time::{Duration, Instant};
 
 /// Where VMC performers send, and only from this machine.
@@ -30,12 +30,46 @@ impl Default for Settings {
     }
 }
 
+/// An address to listen at or to send to, as people write it: `127.0.0.1:39540`, `localhost:39540`, or a port alone for this
+/// machine's loopback. Of a name's addresses the first of IPv4 counts, which VMC senders use.
+///
+/// # Errors
+/// What is wrong with it, with an example.
+pub fn address(text: &str) -> Result<SocketAddr, String> {
+    let text = text.trim();
+    if let Ok(port) = text.parse() {
+        return Ok(SocketAddr::new(DEFAULT_ADDRESS.ip(), port));
+    }
+    let example = "write address and port, for example 127.0.0.1:39540, or a port alone";
+    let has_port = text.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    if !has_port {
+        return Err(format!("there is no port from 0 to 65535 behind a colon; {example}"));
+    }
+    let found: Vec<SocketAddr> = text.to_socket_addrs().map_err(|error| format!("{error}; {example}"))?.collect();
+    let first = found.iter().find(|address| address.is_ipv4()).or(found.first());
+    first.copied().ok_or_else(|| format!("the name has no address; {example}"))
+}
+
 /// Why there is no listening.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot listen at {address}: {error}; is another program using the port?")]
+#[error("cannot listen at {address}: {error}; {}", self.remedy())]
 pub struct ListenError {
     address: SocketAddr,
     error: std::io::Error,
+}
+
+impl ListenError {
+    fn remedy(&self) -> &'static str {
+        match self.error.kind() {
+            ErrorKind::AddrInUse => "another program uses the port: end it, or listen at another port",
+            ErrorKind::AddrNotAvailable => {
+                "this machine has no such address: give one of its own, 127.0.0.1 for senders on this machine, or 0.0.0.0 for \
+                 every network; a sender is chosen by its own address (source)"
+            }
+            ErrorKind::PermissionDenied => "ports below 1024 need rights: choose a higher one",
+            _ => "try another address or port",
+        }
+    }
 }
 
 /// A socket and the receiver behind it.
@@ -78,7 +112,7 @@ impl Listener {
         self.socket.local_addr()
     }
 
-    /// Waits for at most this long, hands on every pose that becomes whole with the moment its last datagram came, and
+    /// Waits for at most this long, hands on every pose that becomes whole with the moment its last datagram was received, and
     /// returns as soon as no datagram is left. A datagram that cannot be read is as good as lost.
     pub fn wait(&mut self, longest: Duration, mut complete: impl FnMut(&Tracked, Instant)) {
         // A time-out of zero would mean none.

@@ -2,6 +2,7 @@
 //! and files that are wrong.
 
 use glam::{DMat3, DVec3, EulerRot};
+use kitsuke::skeleton::filter::{Filter, FilterState, Holt, OneEuro};
 use kitsuke::skeleton::positions::{FADE_S, Layout, Solver};
 use kitsuke::skeleton::recording::{self, Format, Recording};
 use kitsuke::skeleton::{Bone, Pose, Tracked, jsonl};
@@ -181,6 +182,87 @@ fn what_is_lost_is_held_and_fades_and_what_is_doubtful_pulls_slowly() {
     // Trusted: there at once.
     let trusted = solver.pose(&measured(&poses[80], 0.6), 1.0 / 60.0);
     assert!(apart_deg(arm(trusted), poses[80].rotation(Bone::LeftLowerArm)) < 2.0);
+}
+
+fn refusal(text: &str) -> String {
+    recording::read(text.as_bytes(), &wearer()).expect_err(text).to_string()
+}
+
+#[test]
+fn json_that_is_no_recording_says_what_it_is() {
+    let gltf = refusal(r#"{"asset":{"version":"2.0"},"nodes":[]}"#);
+    assert!(gltf.contains("glTF as text") && gltf.contains(".vrma"), "{gltf}");
+    let other = refusal(r#"{"name":"a \"frames\": b","measurements":{"frames":1}}"#);
+    assert!(other.contains("it has \"name\", \"measurements\"") && !other.contains("missing field"), "{other}");
+    let cut = refusal("{\"Loop\": \"wrap\",\n\"Frames\": [[0.1, 0.2");
+    assert!(cut.starts_with("line 2: it ends in the middle") && !cut.contains("MediaPipe"), "{cut}");
+}
+
+#[test]
+fn an_error_in_json_names_one_line() {
+    let lines = "{\"kitsuke_motion\":1,\"holds\":\"rotations\"}\n\n{\"t\":0.0,\"bones\":{}}\n";
+    let cut = refusal(&format!("{lines}{{\"t\":0.1,\"bones\":{{"));
+    assert!(cut.starts_with("line 4: it ends in the middle"), "{cut}");
+    let wrong = refusal(&format!("{lines}{{\"t\":0.1,\"bone\":{{}}}}"));
+    assert!(
+        wrong.starts_with("line 4: unknown field `bone`") && wrong.contains("a line is like {\"t\":0.0"),
+        "{wrong}"
+    );
+    let media = refusal("{\n\"frames\": [\n{\"worldLandmarks\": 3}]}");
+    for message in [cut, wrong, media] {
+        assert_eq!(
+            message.matches("line ").count() - message.matches("a line ").count() - message.matches("or line ").count(),
+            1,
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn kinect_tables_may_have_headings_and_semicolons() {
+    let joints = motions::positions(Layout::Kinect25, &Posed::new(&wearer(), &dance()[3]));
+    let numbers = |ticks: u32| {
+        let joints = joints
+            .iter()
+            .flat_map(|at| at.unwrap_or_default().map(|number| format!("{number:.6}")).into_iter().chain(["2".into()]));
+        std::iter::once(ticks.to_string()).chain(joints).collect::<Vec<String>>()
+    };
+    let rows = [numbers(0), numbers(333_333)];
+    let plain = rows.each_ref().map(|row| row.join(",")).join("\n");
+    let semicolons = rows.each_ref().map(|row| row.join(";")).join("\n");
+    let commas = semicolons.replace('.', ",");
+    let expected = read(plain.as_bytes());
+    assert_eq!((expected.format, expected.frames.len()), (Format::Kinect, 2));
+    let headings = "time,spine_base_x,spine_base_y";
+    for text in
+        [format!("{headings}\n{plain}"), semicolons, commas.clone(), format!("\u{feff}\"Zeit\";\"x\"\r\n{commas};\r\n")]
+    {
+        assert_eq!(read(text.as_bytes()), expected, "{text:.60}");
+    }
+    let twice = refusal(&format!("{headings}\n{plain}\n{headings}"));
+    assert!(twice.starts_with("line 4: \"time\" is no number"), "{twice}");
+}
+
+#[test]
+fn a_recording_is_smoothed_as_its_frames_would_be_live() {
+    let Some(bytes) = shared("kinect_Ges01_wavehand.csv") else { return };
+    let recording = read(&bytes);
+    for filter in [Filter::OneEuro(OneEuro::default()), Filter::Holt(Holt::default())] {
+        let smooth = recording.filtered(&filter);
+        let mut state = FilterState::default();
+        let steps_s = std::iter::once(0.0).chain(recording.times_s.windows(2).map(|pair| pair[1] - pair[0]));
+        let live = recording.frames.iter().zip(steps_s).map(|(frame, dt_s)| filter.apply(&mut state, frame, dt_s));
+        assert_eq!(smooth.frames, live.collect::<Vec<Tracked>>());
+        let jerks = |frames: &[Tracked]| {
+            let hand = |i: usize| frames[i].pose.rotation(Bone::LeftUpperArm);
+            (2..frames.len())
+                .map(|i| (apart_deg(hand(i), hand(i - 1)) - apart_deg(hand(i - 1), hand(i - 2))).abs())
+                .sum::<f64>()
+        };
+        let (before, after) = (jerks(&recording.frames), jerks(&smooth.frames));
+        println!("{filter:?}: {before:.1}° of jerks become {after:.1}°");
+        assert!(after < 0.7 * before);
+    }
 }
 
 /// How far the feet point up in a pose, left before right, degrees.

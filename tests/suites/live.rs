@@ -422,7 +422,23 @@ fn the_socket_hands_on_what_comes_and_only_from_its_source() {
 
     let taken = Settings { address: open.address().unwrap(), ..Settings::default() };
     let error = Listener::new(&taken, &wearer).unwrap_err().to_string();
-    assert!(error.contains("cannot listen at 127.0.0.1:"), "{error}");
+    assert!(error.contains("cannot listen at 127.0.0.1:") && error.contains("another program"), "{error}");
+    // An address that is set aside for documentation, so that no machine has it.
+    let elsewhere = Settings { address: "192.0.2.1:39540".parse().unwrap(), ..Settings::default() };
+    let error = Listener::new(&elsewhere, &wearer).unwrap_err().to_string();
+    assert!(error.contains("no such address") && !error.contains("another program"), "{error}");
+}
+
+#[test]
+fn addresses_are_read_as_people_write_them() {
+    for text in ["127.0.0.1:39540", "localhost:39540", "39540", " 39540 "] {
+        assert_eq!(kitsuke_live::address(text), Ok("127.0.0.1:39540".parse().unwrap()), "{text}");
+    }
+    assert_eq!(kitsuke_live::address("[::1]:39540"), Ok("[::1]:39540".parse().unwrap()));
+    for text in ["", "localhost", "127.0.0.1", ":39540", "127.0.0.1:70000", "70000"] {
+        let error = kitsuke_live::address(text).unwrap_err();
+        assert!(error.contains("for example 127.0.0.1:39540"), "{text}: {error}");
+    }
 }
 
 /// A sender at 120 Hz on a thread of its own, the kimono evaluated for every pose; the time from before a pose is sent until its

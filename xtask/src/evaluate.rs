@@ -1,7 +1,7 @@
 //! `cargo xtask evaluate`: frames as OBJ or NPY, and how far they lie from the target files.
 
 use crate::places::{Places, ended, write_whole};
-use crate::shots::{self, KernelName};
+use crate::shots::{self, FilterName, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
 use glam::{Vec2, Vec3};
@@ -32,6 +32,9 @@ pub struct Args {
     /// Apply the recorded translation of the hips
     #[arg(long)]
     root_motion: bool,
+    /// Smooth the recorded motion, as `play --filter` does a live one
+    #[arg(long, requires = "motion")]
+    filter: Option<FilterName>,
     /// Pose the wearer as recorded, even where the kimono would not let her
     #[arg(long, requires = "motion")]
     as_recorded: bool,
@@ -97,7 +100,7 @@ fn evaluate(args: &Args) -> Result<(), String> {
             rows.into_iter().map(|row| row.shot).collect()
         }
         (_, Some(motion)) => {
-            let how = shots::How { root_motion: args.root_motion, as_recorded: args.as_recorded };
+            let how = shots::How { root_motion: args.root_motion, as_recorded: args.as_recorded, filter: args.filter };
             shots::motion(motion, garment, kernel, how)?
         }
         _ => {

@@ -1,11 +1,10 @@
 //! `cargo xtask play`: a live wearer in a kimono, and how well it goes.
 
 use crate::places::{Places, ended};
-use crate::shots;
+use crate::shots::{self, FilterName};
 use crate::wearers;
-use clap::ValueEnum;
 use glam::Vec3;
-use kitsuke::skeleton::filter::{Filter, FilterState, Holt, OneEuro};
+use kitsuke::skeleton::filter::{Filter, FilterState};
 use kitsuke::skeleton::vmc::Counters;
 use kitsuke::skeleton::{Bone, Skeleton, Tracked, jsonl, vrma};
 use kitsuke::{Frame, Garment, Scratch, evaluate};
@@ -35,7 +34,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", requires = "body")]
     rules: Option<String>,
     /// Address and port to listen at; whoever reaches it can move the wearer
-    #[arg(long, value_name = "ADDRESS:PORT", default_value_t = kitsuke_live::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = kitsuke_live::address, default_value_t = kitsuke_live::DEFAULT_ADDRESS)]
     vmc: SocketAddr,
     /// Count only what comes from here
     #[arg(long, value_name = "ADDRESS")]
@@ -52,25 +51,17 @@ pub struct Args {
     /// The sender's model, for its rest pose (VRM 1.0 senders send rotations that are not normalised)
     #[arg(long, value_name = "FILE.vrm", conflicts_with = "calibrate_after")]
     model: Option<PathBuf>,
-    /// Smooth the poses
+    /// Smooth the poses; --record stores them as they were before
     #[arg(long)]
     filter: Option<FilterName>,
     /// Pose the wearer as she comes, even where the kimono would not let her
     #[arg(long)]
     as_recorded: bool,
-    /// Write the poses as JSON Lines, as they came
+    /// Write the poses as JSON Lines, as they came: before --filter, at the times of their receipt
     #[arg(long, value_name = "FILE.jsonl")]
     record: Option<PathBuf>,
     #[command(flatten)]
     places: Places,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum FilterName {
-    /// A low pass that opens as the turn gets faster
-    OneEuro,
-    /// Double exponential, the Kinect's
-    Holt,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -129,7 +120,9 @@ fn play(args: &Args) -> Result<(), String> {
             && (now - began).as_secs_f64() >= after_s
         {
             is_calibrated = listener.receiver().calibrate();
-            println!("calibrated: the sender's rest pose is the one of this moment");
+            if is_calibrated {
+                println!("calibrated: the sender's rest pose is the one of this moment");
+            }
         }
         let is_over = is_stopped.load(Ordering::Relaxed) || end.is_some_and(|end| now >= end);
         if is_over || now - reported.0 >= Duration::from_secs(1) {
@@ -146,13 +139,23 @@ fn play(args: &Args) -> Result<(), String> {
     }
     let Counters { datagrams, ignored, malformed, poses, missing_poses, lost_bones, .. } =
         listener.receiver().counters();
+    if let (false, Some(after_s)) = (is_calibrated, args.calibrate_after) {
+        let why = if first.is_some() { "play ended before" } else { "no pose came" };
+        println!("not calibrated: {why}; --calibrate-after takes the pose {after_s} s after the first one");
+    }
     println!("{}", all.summary());
     println!(
-        "{poses} poses in {datagrams} datagrams; missing {missing_poses} poses (lost, or never sent) and {lost_bones} bones; {malformed} malformed, {ignored} \
-         ignored, {} from elsewhere",
+        "{} in {datagrams} datagrams; {} missing (lost, or never sent) and {lost_bones} bones; {malformed} malformed, \
+         {ignored} ignored, {} from elsewhere",
+        counted(poses),
+        counted(missing_poses),
         listener.foreign_datagrams()
     );
     Ok(())
+}
+
+fn counted(poses: u64) -> String {
+    if poses == 1 { "1 pose".to_owned() } else { format!("{poses} poses") }
 }
 
 /// A line of live figures.
@@ -174,15 +177,6 @@ fn report(second: &Figures, now: &Counters, before: &Counters, passed: Duration,
         now.malformed - before.malformed,
     );
     _ = std::io::stdout().flush();
-}
-
-impl FilterName {
-    fn filter(self) -> Filter {
-        match self {
-            FilterName::OneEuro => Filter::OneEuro(OneEuro::default()),
-            FilterName::Holt => Filter::Holt(Holt::default()),
-        }
-    }
 }
 
 /// The kimono on the wearer.
@@ -258,8 +252,8 @@ impl Figures {
             100.0 * count as f64 / self.latencies_s.len().max(1) as f64
         };
         format!(
-            "{} poses evaluated, latency from receipt of the datagram median {:.3} ms, 99 % {:.3} ms, max {:.3} ms; {:.2} % within a frame at 120 Hz",
-            self.latencies_s.len(),
+            "{} evaluated, latency from receipt of the datagram median {:.3} ms, 99 % {:.3} ms, max {:.3} ms; {:.2} % within a frame at 120 Hz",
+            counted(self.latencies_s.len() as u64),
             self.at_ms(0.5),
             self.at_ms(0.99),
             self.at_ms(1.0),

@@ -1,7 +1,7 @@
 //! `cargo xtask preview`: contact sheets of kimono on their wearers.
 
 use crate::places::{Places, ended, write_whole};
-use crate::shots::{self, KernelName};
+use crate::shots::{self, FilterName, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
 use kitsuke_pipeline::catalog;
@@ -29,6 +29,9 @@ pub struct Args {
     /// How many frames of the motion
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=100), requires = "motion")]
     frames: u16,
+    /// Smooth the recorded motion, as `play --filter` does a live one
+    #[arg(long, requires = "motion")]
+    filter: Option<FilterName>,
     /// Pose the wearer as recorded, even where the kimono would not let her
     #[arg(long, requires = "motion")]
     as_recorded: bool,
@@ -108,10 +111,10 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     }
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {
-        (Some(motion), _) => evenly(
-            &shots::motion(motion, garment, kernel, shots::How { root_motion: false, as_recorded: args.as_recorded })?,
-            usize::from(args.frames),
-        ),
+        (Some(motion), _) => {
+            let how = shots::How { root_motion: false, as_recorded: args.as_recorded, filter: args.filter };
+            evenly(&shots::motion(motion, garment, kernel, how)?, usize::from(args.frames))
+        }
         (None, Some(table)) => {
             let rows = shots::pose_table(table, kernel)?.into_iter();
             chosen(rows.map(|row| row.shot).collect(), &args.only)?

@@ -15,7 +15,7 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     motion: PathBuf,
     /// Where to send
-    #[arg(long, value_name = "ADDRESS:PORT", default_value_t = kitsuke_live::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = kitsuke_live::address, default_value_t = kitsuke_live::DEFAULT_ADDRESS)]
     vmc: SocketAddr,
     /// The kimono whose wearer moves: an ID, or the path of a pack
     #[arg(long, value_name = "ID", default_value = "komon")]

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use kitsuke::Garment;
 use kitsuke::pose_blend::Kernel;
+use kitsuke::skeleton::filter::{Filter, Holt, OneEuro};
 use kitsuke::skeleton::recording::{self, Recording};
 use kitsuke::skeleton::{Pose, Skeleton};
 use kitsuke_pipeline::diagnostic::{Diagnostic, Place};
@@ -41,11 +42,16 @@ pub struct How {
     pub root_motion: bool,
     /// Legs move as recorded; else as the kimono lets them.
     pub as_recorded: bool,
+    /// The motion is smoothed.
+    pub filter: Option<FilterName>,
 }
 
 /// The frames of a recorded motion on the garment's wearer, blended by this kernel.
 pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Result<Vec<Shot>, String> {
-    let recording = recording(path, &garment.data().skeleton)?;
+    let mut recording = recording(path, &garment.data().skeleton)?;
+    if let Some(filter) = how.filter {
+        recording = recording.filtered(&filter.filter());
+    }
     let mut turned_rad = 0.0f32;
     let mut posed = |mut pose: Pose| {
         if !how.root_motion {
@@ -123,6 +129,25 @@ impl KernelName {
             }
             Some(KernelName::Rbf) => Ok(Kernel::Rbf),
             None | Some(KernelName::Default) => Ok(garment.kernel()),
+        }
+    }
+}
+
+/// A filter by its name on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum FilterName {
+    /// A low pass that opens as the turn gets faster
+    OneEuro,
+    /// Double exponential, the Kinect's
+    Holt,
+}
+
+impl FilterName {
+    /// The filter with its usual values.
+    pub fn filter(self) -> Filter {
+        match self {
+            FilterName::OneEuro => Filter::OneEuro(OneEuro::default()),
+            FilterName::Holt => Filter::Holt(Holt::default()),
         }
     }
 }

@@ -5,12 +5,11 @@
 //! knees and elbows.
 
 use super::positions::{LEGS, leg_length_m};
-use super::recording::{Format, LONGEST_S, MOST_FRAMES, Place, Recording, RecordingError};
+use super::recording::{Format, LONGEST_S, MOST_FRAMES, Place, Recording, RecordingError, json_problem};
 use super::tracked::{Tracked, Turned};
 use super::{Bone, Pose, Skeleton};
 use glam::{DQuat, DVec3, Vec3};
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 use std::f64::consts::FRAC_PI_2;
 
 const NUMBERS: usize = 44;
@@ -23,16 +22,6 @@ struct Document {
     frames: Vec<Vec<f64>>,
 }
 
-/// Whether this JSON text has the keys of such a motion.
-pub(super) fn has_its_keys(text: &[u8]) -> bool {
-    #[derive(Deserialize)]
-    struct Keys {
-        #[serde(rename = "Frames")]
-        _frames: IgnoredAny,
-    }
-    serde_json::from_slice::<Keys>(text).is_ok()
-}
-
 /// Reads a motion for this wearer. The hips' way begins at the first frame.
 ///
 /// # Errors
@@ -40,7 +29,7 @@ pub(super) fn has_its_keys(text: &[u8]) -> bool {
 pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let file: Document = serde_json::from_slice(bytes).map_err(|error| {
-        let problem = format!("{error}; a DeepMimic motion has \"Frames\" of {NUMBERS} numbers each");
+        let problem = json_problem(&error, &format!("a DeepMimic motion has \"Frames\" of {NUMBERS} numbers each"));
         RecordingError::new(Place::Line(error.line()), problem)
     })?;
     if file.frames.is_empty() || file.frames.len() > MOST_FRAMES {

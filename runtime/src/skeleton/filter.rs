@@ -33,7 +33,7 @@ impl Default for OneEuro {
 /// Paper"), here to rotations. Fractions are per 1/30 s.
 ///
 /// It catches up with a steady turn and then runs ahead of it by `prediction_s`; until then, and in what is smaller than the
-/// jitter radius, it lags.
+/// jitter radius, it lags, by `deviation_radius_rad` / ω seconds at most behind a turn of ω rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Holt {
     /// How much of the past stays after 1/30 s, from 0 to below 1.
@@ -49,7 +49,8 @@ pub struct Holt {
 }
 
 impl Default for Holt {
-    /// The Kinect's values for calm hands, without prediction; radii for a forearm of 25 cm.
+    /// The Kinect's values for calm hands, without prediction; radii for a forearm of 25 cm. When an arm begins to turn, it is at
+    /// most 26 ms behind at 240° per second and 64 ms at 30° per second, then swings past by at most 7 ms and 33 ms.
     fn default() -> Holt {
         Holt { smoothing: 0.5, correction: 0.5, prediction_s: 0.0, jitter_radius_rad: 0.1, deviation_radius_rad: 0.16 }
     }
@@ -257,6 +258,25 @@ mod tests {
             let one_euro_s = lag_s(FILTERS[0]);
             assert!((one_euro_s - expected_s).abs() < 0.15 * expected_s + 1e-3, "{one_euro_s} instead of {expected_s}");
             assert!(lag_s(FILTERS[1]).abs() < 0.02, "Holt lags by {} s at {speed} rad/s", lag_s(FILTERS[1]));
+        }
+    }
+
+    /// The same of Holt's filter, behind a turn that begins.
+    #[test]
+    fn holt_lags_as_documented() {
+        for (speed, most_behind_s, most_ahead_s) in
+            [(240.0_f64.to_radians(), 0.026, 0.007), (30.0_f64.to_radians(), 0.064, 0.033)]
+        {
+            let turn = |time_s: f64| speed * (time_s - 0.5).max(0.0);
+            let (mut behind_s, mut ahead_s) = (0.0_f64, 0.0_f64);
+            for fps in [30.0, 60.0, 120.0] {
+                for (time_s, angle) in filtered(FILTERS[1], fps, 1.2, turn) {
+                    let lag_s = (turn(time_s) - angle) / speed;
+                    (behind_s, ahead_s) = (behind_s.max(lag_s), ahead_s.max(-lag_s));
+                }
+            }
+            assert!((behind_s - most_behind_s).abs() < 1e-3, "{behind_s} s behind at {speed} rad/s");
+            assert!((ahead_s - most_ahead_s).abs() < 1e-3, "{ahead_s} s ahead at {speed} rad/s");
         }
     }
 

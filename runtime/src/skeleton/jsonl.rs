@@ -21,7 +21,7 @@
 //! ```
 
 use super::positions::{Layout, Measured, Solver};
-use super::recording::{Format, MOST_FRAMES, Place, Recording, RecordingError, times_from_first};
+use super::recording::{Format, MOST_FRAMES, Place, Recording, RecordingError, json_problem, times_from_first};
 use super::tracked::Tracked;
 use super::{Bone, Skeleton};
 use glam::{Quat, Vec3};
@@ -30,6 +30,11 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 const VERSION: u32 = 1;
+
+/// What lines look like, for messages.
+const HEADER: &str = r#"{"kitsuke_motion":1,"holds":"rotations"}"#;
+const ROTATIONS: &str = r#"{"t":0.0,"hips_m":[x,y,z],"bones":{"leftUpperArm":[x,y,z,w,confidence]}}"#;
+const POSITIONS: &str = r#"{"t":0.0,"joints":[[x,y,z,confidence],null]}"#;
 
 #[derive(Deserialize)]
 struct Header {
@@ -83,11 +88,6 @@ pub fn write_frame(out: &mut String, time_s: f64, tracked: &Tracked) {
     out.push_str("}}\n");
 }
 
-/// Whether this line is the header of such a recording.
-pub(super) fn is_header(line: &[u8]) -> bool {
-    serde_json::from_slice::<Header>(line.trim_ascii()).is_ok()
-}
-
 /// Reads a recording for this wearer; poses that were recorded as rotations are for any wearer.
 ///
 /// # Errors
@@ -98,7 +98,7 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError
     let mut lines = lines.filter(|(_, line)| !line.is_empty());
     let wrong = |line: usize, problem: String| RecordingError::new(Place::Line(line), problem);
     let (line, text) = lines.next().ok_or_else(|| wrong(1, "the file is empty; record again".into()))?;
-    let header: Header = parse(line, text)?;
+    let header: Header = parse(line, text, HEADER)?;
     if header.kitsuke_motion != VERSION {
         return Err(wrong(
             line,
@@ -122,12 +122,12 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError
         }
         match layout {
             None => {
-                let frame: RotationsLine = parse(line, text)?;
+                let frame: RotationsLine = parse(line, text, ROTATIONS)?;
                 frames.push(tracked(&frame).map_err(|problem| wrong(line, problem))?);
                 given_s.push(frame.t);
             }
             Some(layout) => {
-                let frame: PositionsLine = parse(line, text)?;
+                let frame: PositionsLine = parse(line, text, POSITIONS)?;
                 if !frame.joints.is_empty() && frame.joints.len() != layout.joint_count() {
                     let (found, expected) = (frame.joints.len(), layout.joint_count());
                     return Err(wrong(line, format!("{found} joints instead of {expected}; correct the layout")));
@@ -152,9 +152,10 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError
     Ok(Recording { format: Format::JsonLines, times_s, frames, notes: vec![] })
 }
 
-fn parse<'a, T: Deserialize<'a>>(line: usize, text: &'a [u8]) -> Result<T, RecordingError> {
-    serde_json::from_slice(text)
-        .map_err(|error| RecordingError::new(Place::Line(line), format!("{error}; see the form of the lines")))
+fn parse<'a, T: Deserialize<'a>>(line: usize, text: &'a [u8], form: &str) -> Result<T, RecordingError> {
+    serde_json::from_slice(text).map_err(|error| {
+        RecordingError::new(Place::Line(line), json_problem(&error, &format!("a line is like {form}")))
+    })
 }
 
 fn tracked(line: &RotationsLine) -> Result<Tracked, String> {

@@ -8,18 +8,49 @@ use super::recording::{Format, MOST_FRAMES, Place, Recording, RecordingError, ti
 const CONFIDENCE: [f64; 3] = [0.0, 0.3, 1.0];
 const SECONDS_PER_TICK: f64 = 1e-7;
 
-/// Reads a recording for this wearer. Blank lines and a comma at the end of a line are allowed.
+/// Whether text without a byte order mark may be such a table: its first or second line begins with a number and has several.
+pub(super) fn is_table(text: &[u8]) -> bool {
+    let mut lines = text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
+    let is_row = |line: &[u8]| line[0].is_ascii_digit() && line.iter().any(|&byte| byte == b',' || byte == b';');
+    let joints = |line: &[u8]| {
+        let numbers = String::from_utf8_lossy(line);
+        is_row(line) && is_length(words(&numbers).count())
+    };
+    lines.next().is_some_and(is_row) || lines.next().is_some_and(joints)
+}
+
+/// Whether a line of so many numbers has the time and all joints.
+fn is_length(numbers: usize) -> bool {
+    [Layout::Kinect20, Layout::Kinect25].iter().any(|layout| numbers == 1 + 4 * layout.joint_count())
+}
+
+/// The parts of a line: between semicolons if there are any, with decimal commas as some countries write them, else between commas.
+fn words(line: &str) -> impl Iterator<Item = std::borrow::Cow<'_, str>> {
+    let separator = if line.contains(';') { ';' } else { ',' };
+    let line = line.trim().trim_end_matches(separator);
+    line.split(separator).map(|word| match word.contains(',') {
+        true => word.trim().replace(',', ".").into(),
+        false => word.trim().into(),
+    })
+}
+
+/// Reads a recording for this wearer. Blank lines, a line of headings at the top, semicolons instead of commas and a comma at the
+/// end of a line are allowed.
 ///
 /// # Errors
 /// The line, what is wrong there, and what to do.
 pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
     let text = String::from_utf8_lossy(bytes);
     let mut rows: Vec<(f64, Vec<Option<Measured>>)> = Vec::new();
+    let mut is_top = true;
     for (i, line) in text.lines().enumerate() {
-        let line = line.trim().trim_start_matches('\u{feff}').trim_end_matches(',');
-        if line.is_empty() {
+        let line = line.trim().trim_start_matches('\u{feff}');
+        let is_headings = is_top && line.starts_with(|c: char| c.is_alphabetic() || c == '"' || c == '#');
+        if line.is_empty() || is_headings {
+            is_top &= line.is_empty();
             continue;
         }
+        is_top = false;
         let wrong = |problem: String| RecordingError::new(Place::Line(i + 1), problem);
         if rows.len() == MOST_FRAMES {
             return Err(wrong(format!("more than {MOST_FRAMES} frames; cut the recording into pieces")));
@@ -46,17 +77,17 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError
 fn numbers(line: &str) -> Result<Vec<f64>, String> {
     let most = 1 + 4 * Layout::Kinect25.joint_count();
     let mut row = Vec::with_capacity(most);
-    for word in line.split(',') {
-        let number = word.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    for word in words(line) {
+        let number = word.parse().ok().filter(|number: &f64| number.is_finite());
         let shown = || word.chars().take(40).collect::<String>();
-        row.push(
-            number.ok_or_else(|| format!("{:?} is no number; write x, y, z and state with commas between", shown()))?,
-        );
+        row.push(number.ok_or_else(|| {
+            format!("{:?} is no number; write x, y, z and state with commas or semicolons between", shown())
+        })?);
         if row.len() > most {
             break;
         }
     }
-    if row.len() != most && row.len() != 1 + 4 * Layout::Kinect20.joint_count() {
+    if !is_length(row.len()) {
         return Err("a line has the time and 4 numbers for each of 20 or 25 joints; export it so".to_owned());
     }
     Ok(row)

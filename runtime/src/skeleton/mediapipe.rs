@@ -5,7 +5,7 @@
 
 use super::Skeleton;
 use super::positions::{Layout, Measured, Solver};
-use super::recording::{Format, MOST_FRAMES, Place, Recording, RecordingError, times_from_first};
+use super::recording::{Format, MOST_FRAMES, Place, Recording, RecordingError, json_problem, times_from_first};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -47,8 +47,8 @@ impl Landmark {
 pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let file: Document = serde_json::from_slice(bytes).map_err(|error| {
-        let problem =
-            format!("{error}; a MediaPipe recording has \"frames\" with \"worldLandmarks\" of 33 positions each");
+        let form = "a MediaPipe recording has \"frames\" with \"worldLandmarks\" of 33 positions each";
+        let problem = json_problem(&error, form);
         RecordingError::new(Place::Line(error.line()), problem)
     })?;
     let layout = Layout::MediaPipe33;

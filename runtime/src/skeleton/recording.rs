@@ -1,5 +1,6 @@
 //! A recorded motion of any known format, told apart by its content. Knows the formats only by their readers. Pure: bytes in, poses out.
 
+use super::filter::{Filter, FilterState};
 use super::tracked::Tracked;
 use super::{Skeleton, bvh, deepmimic, jsonl, kinect, mediapipe, vrma};
 
@@ -81,15 +82,88 @@ pub fn format_of(bytes: &[u8]) -> Option<Format> {
     if bytes.starts_with(b"glTF") {
         return Some(Format::Gltf);
     }
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
-    let first_line = text.split(|&byte| byte == b'\n').next().unwrap_or_default();
-    match text.first()? {
-        b'{' if jsonl::is_header(first_line) => Some(Format::JsonLines),
-        b'{' if deepmimic::has_its_keys(text) => Some(Format::DeepMimic),
-        b'{' => Some(Format::MediaPipe),
-        b'0'..=b'9' if first_line.contains(&b',') => Some(Format::Kinect),
-        _ if text.len() >= 9 && text[..9].eq_ignore_ascii_case(b"HIERARCHY") => Some(Format::Bvh),
-        _ => None,
+    let text = without_mark(bytes).trim_ascii_start();
+    if text.first()? == &b'{' {
+        let keys = keys(text);
+        let has = |key: &str| keys.contains(&key.as_bytes());
+        return match () {
+            () if has("kitsuke_motion") => Some(Format::JsonLines),
+            () if has("Frames") => Some(Format::DeepMimic),
+            () if has("frames") => Some(Format::MediaPipe),
+            () => None,
+        };
+    }
+    let is_bvh = text.len() >= 9 && text[..9].eq_ignore_ascii_case(b"HIERARCHY");
+    match () {
+        () if is_bvh => Some(Format::Bvh),
+        () if kinect::is_table(text) => Some(Format::Kinect),
+        () => None,
+    }
+}
+
+/// Text without a byte order mark.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+/// Keys of the outermost object of a JSON text, as written, up to where it ends or is cut off.
+fn keys(text: &[u8]) -> Vec<&[u8]> {
+    let (mut keys, mut depth, mut at, mut last) = (Vec::new(), 0_usize, 0, None);
+    while let Some(&byte) = text.get(at) {
+        match byte {
+            b'{' | b'[' => depth += 1,
+            b'}' | b']' if depth <= 1 => break,
+            b'}' | b']' => depth -= 1,
+            b':' if depth == 1 => keys.extend(last.take()),
+            b'"' => {
+                let start = at + 1;
+                at = start;
+                while text.get(at).is_some_and(|&byte| byte != b'"') {
+                    at += if text[at] == b'\\' { 2 } else { 1 };
+                }
+                last = text.get(start..at);
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    keys
+}
+
+/// Why nothing known is in the bytes.
+fn unknown(bytes: &[u8]) -> RecordingError {
+    let known = "known are BVH, .vrma and VRM (binary glTF), JSON Lines, MediaPipe and DeepMimic JSON, and Kinect joints as \
+                 comma-separated values";
+    let text = without_mark(bytes).trim_ascii_start();
+    let keys = if text.starts_with(b"{") { keys(text) } else { Vec::new() };
+    let problem = match keys.as_slice() {
+        [] => format!("this is no recording that is known; {known}"),
+        keys if keys.contains(&b"asset".as_slice()) => {
+            "this is glTF as text; export it as binary glTF (.vrma, .vrm or .glb), which holds its animation".to_owned()
+        }
+        keys => {
+            let shown = keys.iter().take(6).map(|key| {
+                let key = String::from_utf8_lossy(&key[..key.len().min(30)]);
+                format!("\"{key}\"")
+            });
+            let shown = shown.collect::<Vec<String>>().join(", ");
+            format!(
+                "this JSON is no recording that is known: it has {shown}, but MediaPipe's have \"frames\", DeepMimic's \"Frames\", and \
+                 JSON Lines begin with \"kitsuke_motion\""
+            )
+        }
+    };
+    RecordingError::new(Place::Whole, problem)
+}
+
+/// What is wrong with a JSON text, without the line and column, which the place of the error says, and with what to do.
+pub(super) fn json_problem(error: &serde_json::Error, form: &str) -> String {
+    let whole = error.to_string();
+    let problem = whole.rfind(" at line ").map_or(whole.as_str(), |end| &whole[..end]);
+    if error.is_eof() {
+        format!("it ends in the middle ({problem}); the file or line is cut off, copy or record it again")
+    } else {
+        format!("{problem} (column {}); {form}", error.column())
     }
 }
 
@@ -105,14 +179,25 @@ pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError
         Some(Format::MediaPipe) => mediapipe::read(bytes, wearer)?,
         Some(Format::DeepMimic) => deepmimic::read(bytes, wearer)?,
         Some(Format::Kinect) => kinect::read(bytes, wearer)?,
-        None => {
-            let problem = "this is no recording that is known; known are BVH, .vrma and VRM (binary glTF), JSON Lines, \
-                           MediaPipe and DeepMimic JSON, and Kinect joints as comma-separated values";
-            return Err(RecordingError::new(Place::Whole, problem));
-        }
+        None => return Err(unknown(bytes)),
     };
     debug_assert!(recording.frames.len() == recording.times_s.len() && !recording.frames.is_empty());
     Ok(recording)
+}
+
+impl Recording {
+    /// The motion as a filter smooths it when its frames come at their times.
+    #[must_use]
+    pub fn filtered(&self, filter: &Filter) -> Recording {
+        let mut state = FilterState::default();
+        let mut before_s = 0.0;
+        let frame = |(time_s, tracked): (&f64, &Tracked)| {
+            let passed_s = time_s - std::mem::replace(&mut before_s, *time_s);
+            filter.apply(&mut state, tracked, passed_s)
+        };
+        let frames = self.times_s.iter().zip(&self.frames).map(frame).collect();
+        Recording { frames, ..self.clone() }
+    }
 }
 
 /// Checks and rebases the times of a recording: finite, in order, the first at 0.
