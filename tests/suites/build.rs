@@ -172,7 +172,7 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "reach", "skin", "weld"]);
     assert_eq!(
         runs(komon, Origin::Computed),
-        ["audit", "certificate", "compress", "deltas right_elbow_90", "regions", "verify", "write"]
+        ["audit", "certificate", "compress", "correctives", "deltas right_elbow_90", "regions", "verify", "write"]
     );
 }
 
