@@ -1,9 +1,13 @@
 //! `cargo xtask leave-one-out ID`: how well each way of blending predicts a target that it has not seen, and each way of fitting a size.
 
 use crate::places::{Places, printed};
+use crate::shots;
 use kitsuke::Garment;
-use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
+use kitsuke_pipeline::measure::leave_one_out::{Error, Method, Unseen, errors, unseen_errors};
 use kitsuke_pipeline::measure::size_errors::{self, SizeError};
+use kitsuke_pipeline::source::obj;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Compare kernels by the error of each target when its row is left out of the pose table
@@ -17,13 +21,20 @@ pub struct Args {
     /// Size targets instead: each predicted from the others for its own body, and each fitted to its own body with all
     #[arg(long)]
     sizes: bool,
+    /// Shapes that no target knows, instead of targets left out: a pose table with an OBJ file in each row, beside the table
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "sizes")]
+    unseen: Option<PathBuf>,
     #[command(flatten)]
     places: Places,
 }
 
 /// Prints the table; 1 when there is no pack.
 pub fn run(args: Args) -> ExitCode {
-    printed(if args.sizes { sizes(&args) } else { table(&args) })
+    printed(match &args.unseen {
+        Some(path) => unseen(&args, path),
+        None if args.sizes => sizes(&args),
+        None => table(&args),
+    })
 }
 
 fn table(args: &Args) -> Result<String, String> {
@@ -34,7 +45,8 @@ fn table(args: &Args) -> Result<String, String> {
     for method in Method::ALL {
         let errors = errors(garment, method).map_err(|error| error.to_string())?;
         for (layer, text) in layers.clone().zip(&mut texts) {
-            let of_layer: Vec<&Error> = garment.data().targets_of_layer(layer).map(|target| &errors[target]).collect();
+            let samples = garment.data().targets_of_layer(layer).filter(|&target| target < errors.len());
+            let of_layer: Vec<&Error> = samples.map(|target| &errors[target]).collect();
             *text += &line(method.name(), &summary(&of_layer));
             if args.targets {
                 of_layer.iter().for_each(|error| *text += &line(&format!("  {}", error.target), error));
@@ -44,11 +56,50 @@ fn table(args: &Args) -> Result<String, String> {
     Ok(texts.join("\n"))
 }
 
+/// How far each way of blending lies from shapes that no target knows.
+fn unseen(args: &Args, path: &Path) -> Result<String, String> {
+    let pack = args.places.open(&args.id)?;
+    let garment = pack.garment();
+    let rows = shots::pose_table(path, garment.kernel())?;
+    let shapes: Vec<Unseen> =
+        rows.into_par_iter().map(|row| shape(garment, path, row)).collect::<Result<_, String>>()?;
+    let mut text = columns(&format!("{} shapes, mm", shapes.len()));
+    for method in Method::ALL {
+        let errors = unseen_errors(garment, method, &shapes).map_err(|error| error.to_string())?;
+        text += &line(method.name(), &summary(&errors.iter().collect::<Vec<_>>()));
+        if args.targets {
+            errors.iter().for_each(|error| text += &line(&format!("  {}", error.target), error));
+        }
+    }
+    Ok(text)
+}
+
+/// A row of the table with the shape in its file, which is in metres, Y up and in the base's vertex order, as `evaluate` writes it.
+fn shape(garment: &Garment, table: &Path, row: shots::Row) -> Result<Unseen, String> {
+    let file =
+        row.file.ok_or_else(|| format!("{}: the file of {} is not beside it", table.display(), row.shot.name))?;
+    let file = table.with_file_name("").join(file);
+    let mut report = Vec::new();
+    let mesh = obj::read(&file.to_string_lossy(), &shots::read(&file)?, &mut report);
+    let mesh = mesh.ok_or_else(|| shots::said(&report))?;
+    let (found, count) = (mesh.positions.len(), garment.unique_count());
+    if found != count {
+        return Err(format!("{}: {found} vertices, but the kimono has {count}", file.display()));
+    }
+    let place = |&v: &u32| mesh.positions[v as usize].as_vec3();
+    let positions_m = garment.data().mesh.source_vertex.iter().map(place).collect();
+    Ok(Unseen { name: row.shot.name, pose: row.shot.pose, positions_m })
+}
+
 /// What the table of a layer is of: its groups.
 fn head(garment: &Garment, layer: usize) -> String {
     let groups = garment.data().rbf.iter().flat_map(|rbf| &rbf.layers[layer].groups);
     let names: Vec<&str> = groups.map(|group| group.name.as_str()).collect();
-    format!("{}\n{:24} {:>8} {:>8} {:>8}\n", names.join(", "), "left out, mm", "mean", "p99", "max")
+    format!("{}\n{}", names.join(", "), columns("left out, mm"))
+}
+
+fn columns(title: &str) -> String {
+    format!("{title:24} {:>8} {:>8} {:>8} {:>8}\n", "mean", "p95", "p99", "max")
 }
 
 /// How far fits lie from the size targets, and from the dimensions that the rules want.
@@ -85,11 +136,12 @@ fn summary(errors: &[&Error]) -> Error {
     Error {
         target: String::new(),
         mean_mm: mean(|error| error.mean_mm),
+        p95_mm: mean(|error| error.p95_mm),
         p99_mm: mean(|error| error.p99_mm),
         max_mm: errors.iter().map(|error| error.max_mm).fold(0.0, f64::max),
     }
 }
 
 fn line(name: &str, error: &Error) -> String {
-    format!("{name:24} {:8.2} {:8.1} {:8.1}\n", error.mean_mm, error.p99_mm, error.max_mm)
+    format!("{name:24} {:8.2} {:8.1} {:8.1} {:8.1}\n", error.mean_mm, error.p95_mm, error.p99_mm, error.max_mm)
 }
