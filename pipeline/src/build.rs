@@ -4,7 +4,9 @@ use crate::ir;
 use crate::measure::audit::{self, Depth};
 use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
-use crate::stages::{StageError, compress, correctives, deltas, fit_data, kernel, reach, regions, skin, weld};
+use crate::stages::{
+    StageError, compress, correctives, deltas, fit_data, kernel, reach, regions, skin, skin_fit, weld,
+};
 use glam::Vec3;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
@@ -72,6 +74,14 @@ pub fn build_garment(
     })?;
     let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
     tell("skin", None, origin);
+    let settings = skin_fit::Settings::default();
+    let of_body = skin;
+    let (words, origin) = memo.recall(&keys::skin_fit(source, &of_body, &settings), || {
+        let fitted = skin_fit::fitted(source, &of_body, &settings);
+        Ok::<_, StageError>(fitted.into_iter().map(to_words).collect())
+    })?;
+    let skin: Vec<SkinWeights> = words.into_iter().map(from_words).collect();
+    tell("skin fit", None, origin);
 
     // What the artist's shapes have beyond that.
     let deltas = targets.par_iter().map(|target| {
@@ -129,7 +139,8 @@ pub fn build_garment(
 
     // What fitting it to a wearer needs.
     let fit = source.sizes.as_ref().map(|sizes| {
-        let (rests, step_m, settings) = (rests(&garment, &skin), fit_data::step_m(source), weld::Settings::default());
+        let (rests, step_m, settings) =
+            (rests(&garment, &of_body), fit_data::step_m(source), weld::Settings::default());
         let (steps, origin) = memo.recall(&keys::weld(base, sizes, &rests, step_m, &settings), || {
             weld::weld(base, &sizes.shapes, &rests, f64::from(step_m), &settings)
         })?;
@@ -200,7 +211,7 @@ fn from_numbers(numbers: &[f32]) -> PoseBound {
 
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Key, SkinWeights, audit, correctives, deltas, ir, reach, regions, skin, to_words, weld};
+    use super::{Key, SkinWeights, audit, correctives, deltas, ir, reach, regions, skin, skin_fit, to_words, weld};
     use glam::Vec3;
     use kitsuke::arrays::{GarmentData, PoseTable};
     use kitsuke::skeleton::{Bone, Skeleton};
@@ -211,6 +222,17 @@ mod keys {
         let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {skirt_top_m:?}"));
         let key = skeleton(key, &body.skeleton).array(&joints).array(&weights);
         surface(surface(key, base), &body.surface)
+    }
+
+    pub fn skin_fit(source: &ir::Garment, first: &[SkinWeights], settings: &skin_fit::Settings) -> Key {
+        let words: Vec<[u16; 8]> = first.iter().copied().map(to_words).collect();
+        let key =
+            Key::new("skin fit", skin_fit::VERSION).text(&format!("{settings:?} {:?}", source.drivers)).array(&words);
+        let key = bones(surface(skeleton(key, &source.body.skeleton), &source.base), &source.pose_bones);
+        source
+            .targets
+            .iter()
+            .fold(key, |key, target| key.array(&[target.layer]).array(&target.rotations).array(&target.positions_m))
     }
 
     pub fn deltas(

@@ -169,10 +169,23 @@ fn an_edited_target_rebuilds_only_what_depends_on_it() {
     let report = place.build(Mode::Write);
     let komon = &report.garments[0];
     assert_eq!(komon.reasons, ["komon/poses/13_right_elbow_90.obj changed"]);
-    assert_eq!(runs(komon, Origin::Remembered), ["deltas both_down", "deltas left_elbow_90", "reach", "skin", "weld"]);
+    // Skin weights follow all samples, so that one edited sample changes every delta a little.
+    assert_eq!(runs(komon, Origin::Remembered), ["reach", "skin", "weld"]);
     assert_eq!(
         runs(komon, Origin::Computed),
-        ["audit", "certificate", "compress", "correctives", "deltas right_elbow_90", "regions", "verify", "write"]
+        [
+            "audit",
+            "certificate",
+            "compress",
+            "correctives",
+            "deltas both_down",
+            "deltas left_elbow_90",
+            "deltas right_elbow_90",
+            "regions",
+            "skin fit",
+            "verify",
+            "write"
+        ]
     );
 }
 
@@ -318,6 +331,7 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
     let shins = [[Bone::LeftLowerLeg], [Bone::RightLowerLeg]];
     let never = [Bone::LeftFoot, Bone::LeftHand, Bone::RightHand, Bone::Head];
     let obi_bottom_m = garment.obi.as_ref().unwrap().positions_m.iter().map(|p| p.y).fold(f32::MAX, f32::min);
+    let mut sleeves = Vec::new();
     for (v, p) in garment.base.positions_m.iter().enumerate() {
         let uneven = (weight(v, &left) - weight(v, &right)).abs() + (weight(v, &shins[0]) - weight(v, &shins[1])).abs();
         // The odd unit of a weight does not halve.
@@ -332,10 +346,14 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
         }
         if p.x.abs() > 0.45 {
             let (own, other) = if p.x > 0.0 { (left_arm, right_arm) } else { (right_arm, left_arm) };
-            assert!(weight(v, &own) > 0.85, "vertex {v} of a sleeve follows its arm by {} only", weight(v, &own));
+            // As the samples ask: the bag of a lowered sleeve hangs, whatever its arm does.
+            sleeves.push(weight(v, &own));
+            assert!(weight(v, &own) > 0.4, "vertex {v} of a sleeve follows its arm by {} only", weight(v, &own));
             assert_eq!(weight(v, &other), 0.0, "vertex {v} of a sleeve follows the other arm");
         }
     }
+    let mean = sleeves.iter().sum::<f64>() / sleeves.len() as f64;
+    assert!(mean > 0.65, "sleeves follow their arm by {mean} only");
 }
 
 #[test]

@@ -13,6 +13,7 @@ pub(crate) mod posed_body;
 pub mod reach;
 pub mod regions;
 pub mod skin;
+pub mod skin_fit;
 mod weights;
 pub mod weld;
 
