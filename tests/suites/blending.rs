@@ -8,7 +8,7 @@ use kitsuke::{Frame, Garment, Rates, Scratch, evaluate};
 use kitsuke_pipeline::look::frames::{Blend, Distance, Stage, in_source_order, own_poses};
 use kitsuke_pipeline::measure::audit::audit;
 use kitsuke_pipeline::measure::certificate::{Smoothness, fastest, keep_budgets, smoothness};
-use kitsuke_pipeline::measure::leave_one_out::{Error, Method, errors};
+use kitsuke_pipeline::measure::leave_one_out::{Error, Method, Unseen, errors, unseen_errors};
 use kitsuke_pipeline::measure::pose_space::poses;
 use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::stages::correctives::without_correctives;
@@ -64,6 +64,24 @@ fn correctives_are_nothing_at_the_samples_and_lift_the_cloth_out_of_the_body_bet
     let ([median_m, worst_m], [median_before_m, worst_before_m]) = (depths(garment), depths(&without));
     assert!(median_m < 0.9 * median_before_m, "{median_m} m instead of {median_before_m} m");
     assert!(worst_m < worst_before_m, "{worst_m} m instead of {worst_before_m} m");
+}
+
+/// Shapes that the samples do know are predicted exactly by what is exact at the samples, and by nothing else.
+#[test]
+fn unseen_shapes_are_held_against_the_frames_in_their_poses() {
+    let (source, garment) = &*KOMON;
+    let order = &garment.data().mesh.source_vertex;
+    let shape = |(row, target): (usize, &ir::TargetShape)| Unseen {
+        name: target.name.clone(),
+        pose: garment.data().poses.pose(row + 1),
+        positions_m: order.iter().map(|&vertex| target.positions_m[vertex as usize]).collect(),
+    };
+    let shapes: Vec<Unseen> = source.targets.iter().enumerate().map(shape).collect();
+    let of = |method| unseen_errors(garment, method, &shapes).unwrap();
+    for error in of(Method::Default) {
+        assert!(error.max_mm < 0.05 && error.mean_mm <= error.p95_mm && error.p95_mm <= error.p99_mm, "{error:?}");
+    }
+    assert!(of(Method::Skinning).iter().all(|error| error.max_mm > 5.0));
 }
 
 #[test]

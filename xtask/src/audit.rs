@@ -11,9 +11,15 @@ use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
 use kitsuke_pipeline::measure::audit::{Audit, CLASSES_M, Depth, audit, deepest, pose_depths};
 use kitsuke_pipeline::measure::pose_space;
 use kitsuke_pipeline::measure::skirt::Legs;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
+
+/// A line as soon as it is known; a reader such as `head` may have gone.
+macro_rules! say {
+    ($($line:tt)*) => { _ = writeln!(std::io::stdout(), $($line)*) };
+}
 
 /// Measure how deep the cloth lies in the wearer, and draw the worst pose
 #[derive(clap::Args)]
@@ -59,23 +65,29 @@ fn report(args: &Args) -> Result<(), String> {
     let poses = pose_space::poses(garment, 0, args.poses as usize);
     let began = Instant::now();
     let found = audit(&source.body, garment, &poses);
-    println!("{} poses in {:.0} s", poses.len(), began.elapsed().as_secs_f64());
+    say!("{} poses in {:.0} s", poses.len(), began.elapsed().as_secs_f64());
     print_audit(garment, &source.body, &found);
     print_samples(garment, &source.body);
 
     let picture = draw(garment, &source, &poses, &found)?;
     let path = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports")).join(format!("{id}-audit.png"));
     write_whole(&path, |out| out.write_all(&picture))?;
-    println!("{}", path.display());
+    say!("{}", path.display());
     Ok(())
 }
 
 /// A line per motion: how far the legs lie outside the skirt, and how often the kimono held them back.
 fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), String> {
     const HELD_RAD: f32 = 5.0 * std::f32::consts::PI / 180.0;
-    println!(
+    say!(
         "{:32} {:>6} {:>9} {:>9} {:>9} {:>11} {:>9}",
-        "legs outside, mm", "frames", "median", "95 %", "max", "held > 5°", "held max"
+        "legs outside, mm",
+        "frames",
+        "median",
+        "95 %",
+        "max",
+        "held > 5°",
+        "held max"
     );
     let legs = Legs::new(garment, source);
     for path in &args.motion {
@@ -97,7 +109,7 @@ fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), S
         let most_deg = limited.iter().map(|limited| limited.turned_rad).fold(0.0, f32::max).to_degrees();
         let worst =
             (0..outside.len()).max_by(|&a, &b| outside[a].distance_m.total_cmp(&outside[b].distance_m)).unwrap_or(0);
-        println!(
+        say!(
             "{:32} {:6} {:9.2} {:9.2} {:9.2} {:9.1} % {:8.0}°  frame {}, skin vertex {}",
             path.file_name().unwrap_or_default().to_string_lossy(),
             poses.len(),
@@ -117,26 +129,26 @@ fn print_audit(garment: &Garment, body: &Body, found: &Audit) {
     for least_mm in [2, 5] {
         let beyond = found.poses_beyond(least_mm as f32 * 1e-3);
         let share = 100.0 * beyond as f64 / found.by_pose.len().max(1) as f64;
-        println!("{share:5.1} % of the poses have cloth deeper than {least_mm} mm in the body");
+        say!("{share:5.1} % of the poses have cloth deeper than {least_mm} mm in the body");
     }
-    println!("the worst:");
+    say!("the worst:");
     for worst in found.worst_poses().iter().take(10) {
-        println!("  {}", described(garment, body, worst));
+        say!("  {}", described(garment, body, worst));
     }
-    println!("vertices of all poses by depth:");
+    say!("vertices of all poses by depth:");
     let ends = CLASSES_M.iter().map(|end_m| format!("up to {} mm", end_m * 1e3));
     for (end, count) in ends.chain(["deeper".to_owned()]).zip(found.classes) {
-        println!("  {end:<12} {count:>9} vertices");
+        say!("  {end:<12} {count:>9} vertices");
     }
 }
 
 /// At the samples the cloth is as the artist made it.
 fn print_samples(garment: &Garment, body: &Body) {
-    println!("at the samples, where the artist's shapes stay as they are:");
+    say!("at the samples, where the artist's shapes stay as they are:");
     for (number, shot) in own_poses(garment).iter().enumerate() {
         let worst = deepest(&pose_depths(body, garment, number, &shot.pose));
         if worst.depth_m > 1e-3 {
-            println!("  {:<26} {}", shot.name, described(garment, body, &worst));
+            say!("  {:<26} {}", shot.name, described(garment, body, &worst));
         }
     }
 }

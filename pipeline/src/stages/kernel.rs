@@ -608,3 +608,28 @@ impl Matrix {
         Some(Matrix::new(self.size, |i, j| columns[j][i]))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn principal_axes_are_those_of_the_matrix(entries in prop::collection::vec(-1.0f64..1.0, 28)) {
+            // The lower triangle of a symmetric matrix of 7 rows.
+            let at = |i: usize, j: usize| entries[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
+            let found = principal(7, at);
+            prop_assert!(found.windows(2).all(|pair| pair[0].0 >= pair[1].0));
+            for (place, (value, vector)) in found.iter().enumerate() {
+                for i in 0..7 {
+                    let product: f64 = (0..7).map(|j| at(i, j) * vector[j]).sum();
+                    prop_assert!((product - value * vector[i]).abs() < 1e-9, "axis {place}");
+                }
+                for (_, other) in &found[..place] {
+                    prop_assert!(other.iter().zip(vector).map(|(a, b)| a * b).sum::<f64>().abs() < 1e-9);
+                }
+            }
+        }
+    }
+}
