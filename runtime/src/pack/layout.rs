@@ -32,7 +32,7 @@
 //! multiple of [`ALIGNMENT`] after the end of the one before (of the header, for the first), the bytes between are 0,
 //! and the last one ends the pack.
 //!
-//! A reader of 3.x reads every pack of version 3: later minor versions may add sections, which older readers skip,
+//! A reader of 4.x reads every pack of version 4: later minor versions may add sections, which older readers skip,
 //! and change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of other
 //! major versions are refused.
 //!
@@ -41,15 +41,15 @@
 //!
 //! | tag | content |
 //! |---|---|
-//! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, bones of the pose table b |
+//! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, correctives c (the last of the targets), bones of the pose table b |
 //! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
 //! | `MESH` | x, y, z of the positions, `floats(v)`; `flag` has uv; u, v, `floats(v + w)` if so, else `floats(0)`; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
 //! | `SKIN` | four `column(v)` of `u8` joints, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
-//! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` layer, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k + 1 rows of b times x, y, z, w as `f32`; `u8` pose limit count, per limit: `u8` joint count, per joint: `bone`, `f32` margin, `u16` bound count, per bound: 3 `f32` per joint normal, `f32` most |
+//! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` layer, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k - c + 1 rows of b times x, y, z, w as `f32`; `u8` pose limit count, per limit: `u8` joint count, per joint: `bone`, `f32` margin, `u16` bound count, per bound: 3 `f32` per joint normal, `f32` most |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `u8` layer, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
-//! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), 3 `f64` axis, `f64` swing, `f64` twist, then (m + 1) m `f64` own and as many joint coefficients |
-//! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
+//! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets, n of them correctives: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), 3 `f64` axis, `f64` swing, `f64` twist, (m - n + 1) m `f64` own and as many joint coefficients, `u32` poses between the samples, per pose and joint of the chain: x, y, z, w as `f32`, then n `f64` coefficients per pose |
+//! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k - c times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
 //! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
