@@ -217,11 +217,8 @@ mod keys {
     use kitsuke::skeleton::{Bone, Skeleton};
 
     pub fn skin(base: &ir::Surface, body: &ir::Body, skirt_top_m: f32, settings: &skin::Settings) -> Key {
-        let joints: Vec<u8> = body.skin.iter().flatten().map(|(joint, _)| *joint).collect();
-        let weights: Vec<f32> = body.skin.iter().flatten().map(|(_, weight)| *weight).collect();
         let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {skirt_top_m:?}"));
-        let key = skeleton(key, &body.skeleton).array(&joints).array(&weights);
-        surface(surface(key, base), &body.surface)
+        surface(wearer(key, body), base)
     }
 
     pub fn skin_fit(source: &ir::Garment, first: &[SkinWeights], settings: &skin_fit::Settings) -> Key {
@@ -268,8 +265,7 @@ mod keys {
     }
 
     pub fn correctives(data: &GarmentData, body: &ir::Body, settings: &correctives::Settings) -> Key {
-        let key = Key::new("correctives", correctives::VERSION).text(&format!("{settings:?} {:?}", body.skin));
-        let key = surface(skeleton(key, &body.skeleton), &body.surface);
+        let key = wearer(Key::new("correctives", correctives::VERSION).text(&format!("{settings:?}")), body);
         let key = key.array(&data.mesh.positions_m).array(&data.mesh.triangles).array(&data.mesh.twin_of);
         let words: Vec<[u16; 8]> = data.skin.iter().copied().map(to_words).collect();
         let key = bones(key.array(&words), &data.poses.bones).array(&data.poses.rotations);
@@ -291,8 +287,13 @@ mod keys {
     }
 
     pub fn audit(pack: &[u8], body: &ir::Body) -> Key {
-        let key = Key::new("audit", audit::VERSION).text(&format!("{:?}", body.skin));
-        surface(skeleton(key, &body.skeleton), &body.surface).array(pack)
+        wearer(Key::new("audit", audit::VERSION), body).array(pack)
+    }
+
+    fn wearer(key: Key, body: &ir::Body) -> Key {
+        let joints: Vec<u8> = body.skin.iter().flatten().map(|(joint, _)| *joint).collect();
+        let weights: Vec<f32> = body.skin.iter().flatten().map(|(_, weight)| *weight).collect();
+        surface(skeleton(key, &body.skeleton).array(&joints).array(&weights), &body.surface)
     }
 
     fn surface(key: Key, surface: &ir::Surface) -> Key {

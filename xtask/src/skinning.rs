@@ -175,11 +175,7 @@ impl Sleeves {
             parts.filter(|&(joint, _)| is_arm(joint)).map(|(_, weight)| u32::from(weight)).sum()
         };
         let moved: Vec<bool> = data.skin.iter().map(|skin| arm_weight(skin) > 65535 / 20).collect();
-        let original = |v: u32| match (v as usize).checked_sub(moved.len()) {
-            Some(twin) => data.mesh.twin_of[twin] as usize,
-            None => v as usize,
-        };
-        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(original));
+        let triangles = data.mesh.triangles.iter().map(|corners| corners.map(|v| data.mesh.unique(v) as usize));
         let triangles: Vec<[usize; 3]> = triangles.filter(|corners| corners.iter().all(|&v| moved[v])).collect();
         let edges = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
         let mut edges: Vec<[usize; 2]> = edges.map(|[a, b]| [a.min(b), a.max(b)]).collect();

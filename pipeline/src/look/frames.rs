@@ -132,7 +132,7 @@ pub fn write_obj(garment: &Garment, ordered_m: &[Vec3], out: &mut impl Write) ->
         writeln!(out, "vt {:.6} {:.6}", uv.x, uv.y)?;
     }
     let corner = |vertex: u32| {
-        let unique = (vertex as usize).checked_sub(ordered_m.len()).map_or(vertex, |twin| mesh.twin_of[twin]);
+        let unique = mesh.unique(vertex);
         let v = mesh.source_vertex[unique as usize] + 1;
         if mesh.uv.is_empty() { v.to_string() } else { format!("{v}/{}", vertex + 1) }
     };

@@ -120,8 +120,7 @@ impl<'a> Scene<'a> {
     pub fn alone(&self, positions_m: &[Vec3], uv: &[Vec2]) -> Figure {
         assert_eq!(uv.len(), self.garment.vertex_count(), "one texture coordinate per vertex");
         let mesh = &self.garment.data().mesh;
-        let unique =
-            |v: u32| (v as usize).checked_sub(self.garment.unique_count()).map_or(v, |twin| mesh.twin_of[twin]);
+        let unique = |v: u32| mesh.unique(v);
         let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|triangle| triangle.map(unique)).collect();
         // Normals of the welded cloth.
         let normals = smooth_normals(positions_m, &triangles);

@@ -3,11 +3,11 @@
 
 use crate::ir::{self, Body};
 use crate::stages::StageError;
+use crate::stages::correctives::posed;
 use crate::stages::posed_body::PosedBody;
 use glam::Vec3;
-use kitsuke::evaluate::{blend, skin};
+use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
-use kitsuke::{Garment, Rates, Scratch};
 use rayon::prelude::*;
 
 /// Counts up whenever the same garment gives other figures.
@@ -121,11 +121,7 @@ pub fn audit(body: &Body, garment: &Garment, poses: &[Pose]) -> Audit {
 pub fn pose_depths(body: &Body, garment: &Garment, number: usize, pose: &Pose) -> Vec<Depth> {
     let pose = pose.sanitised();
     let posed_body = PosedBody::new(body, &pose);
-    let (mut scratch, mut rates) = (Scratch::new(garment), Rates::new(garment.data()));
-    let mut positions_m = vec![Vec3::ZERO; garment.unique_count()];
-    garment.blend_rates(garment.kernel(), &pose, &mut rates);
-    blend(garment, &rates, &mut scratch);
-    skin(garment, &pose, &mut scratch, &mut positions_m);
+    let positions_m = posed(garment, &pose);
     let depth = |(vertex, place_m): (usize, &Vec3)| {
         let (depth_m, joint) = posed_body.depth(*place_m, DEEPEST_M)?;
         Some(Depth { depth_m, pose: number, vertex: vertex as u32, joint })

@@ -132,9 +132,8 @@ fn worst_motif(triangles: &[Measured]) -> f64 {
 
 /// Each triangle's vertices, and its edges laid flat, metres.
 fn triangles<'a>(mesh: &'a Mesh, positions_m: &'a [Vec3]) -> impl Iterator<Item = ([u32; 3], [DVec2; 3])> + 'a {
-    let unique = |v: u32| (v as usize).checked_sub(mesh.positions_m.len()).map_or(v, |twin| mesh.twin_of[twin]);
     mesh.triangles.iter().map(move |&vertices| {
-        let [a, b, c] = vertices.map(|v| positions_m[unique(v) as usize]);
+        let [a, b, c] = vertices.map(|v| positions_m[mesh.unique(v) as usize]);
         (vertices, laid_flat(a, b, c))
     })
 }

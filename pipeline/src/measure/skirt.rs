@@ -49,8 +49,6 @@ impl<'a> Legs<'a> {
         };
         let skin = source.body.skin.iter().zip(0..).filter(|(weights, _)| is_leg(weights)).map(|(_, v)| v).collect();
         let mesh = &garment.data().mesh;
-        let unique = garment.unique_count();
-        let original = |v: u32| (v as usize).checked_sub(unique).map_or(v, |twin| mesh.twin_of[twin]);
         let top_m = source.skirt_top_m();
         // Sleeves hang as low; they follow the arms.
         let follows_legs = |v: u32| {
@@ -63,7 +61,8 @@ impl<'a> Legs<'a> {
         };
         let is_skirt =
             |triangle: &[u32; 3]| triangle.iter().all(|&v| mesh.positions_m[v as usize].y < top_m && follows_legs(v));
-        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(original)).filter(is_skirt).collect();
+        let triangles: Vec<[u32; 3]> =
+            mesh.triangles.iter().map(|t| t.map(|v| mesh.unique(v))).filter(is_skirt).collect();
         let mut uses: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         for &[a, b, c] in &triangles {
             for [from, to] in [[a, b], [b, c], [c, a]] {

@@ -130,7 +130,7 @@ struct Cloth {
 impl Cloth {
     fn new(garment: &Garment, fit: &FitData) -> Cloth {
         let mesh = &garment.data().mesh;
-        let unique = |v: u32| (v as usize).checked_sub(mesh.positions_m.len()).map_or(v, |twin| mesh.twin_of[twin]);
+        let unique = |v: u32| mesh.unique(v);
         let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|corners| corners.map(unique)).collect();
         let part_of: Vec<usize> = mesh
             .parts

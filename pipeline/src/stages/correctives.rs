@@ -162,7 +162,7 @@ pub fn without_correctives(data: &GarmentData) -> GarmentData {
     let samples = data.sample_count();
     for number in 0..data.layer_count() {
         let all = data.targets_of_layer(number).count();
-        let kept = data.targets_of_layer(number).filter(|&target| target < samples).count();
+        let kept = data.samples_of_layer(number).count();
         let layers = data.rbf.iter_mut().flat_map(|rbf| &mut rbf.layers[number].groups);
         for group in layers {
             for coefficients in [&mut group.own, &mut group.joint] {
@@ -186,8 +186,7 @@ fn alone(layer: &RbfLayer, pose: &Pose) -> Pose {
 /// The cloth, seams closed.
 fn neighbours(garment: &Garment) -> Neighbours {
     let mesh = &garment.data().mesh;
-    let original = |v: u32| (v as usize).checked_sub(garment.unique_count()).map_or(v, |twin| mesh.twin_of[twin]);
-    let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+    let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|corners| corners.map(|v| mesh.unique(v))).collect();
     Neighbours::new(&mesh.positions_m, &triangles)
 }
 
@@ -223,7 +222,8 @@ fn clearances(garment: &Garment, body: &Body, layer: usize, settings: &Settings)
     (0..garment.unique_count()).map(least).collect()
 }
 
-fn posed(garment: &Garment, pose: &Pose) -> Vec<Vec3> {
+/// The unique vertices in a pose, blended by the garment's own kernel, metres.
+pub(crate) fn posed(garment: &Garment, pose: &Pose) -> Vec<Vec3> {
     let (mut scratch, mut rates) = (Scratch::new(garment), Rates::new(garment.data()));
     let mut positions_m = vec![Vec3::ZERO; garment.unique_count()];
     garment.blend_rates(garment.kernel(), pose, &mut rates);

@@ -6,13 +6,14 @@
 //! and Deng: Smooth Skinning Decomposition with Rigid Bones, 2012; here the bones are known): for each vertex the convex weights that
 //! place it best in all samples, held near their first values and near those of its neighbours, so that they stay smooth over the mesh.
 
+use super::kernel::{Limb, limbs};
 use super::laplacian::Neighbours;
 use super::weights::shares;
 use crate::ir::{self, TargetShape};
 use crate::stages::deltas::pose_of;
 use glam::{Affine3A, DVec3};
 use kitsuke::arrays::SkinWeights;
-use kitsuke::skeleton::{Bone, Skeleton};
+use kitsuke::skeleton::Skeleton;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -39,25 +40,9 @@ impl Default for Settings {
 /// The layers of which every group drives one limb: joints that follow each other, as those of an arm do. A skirt is a tube round two
 /// limbs and follows neither; weights that let it follow one thigh tear it in strides that no sample has (legs 109 mm outside).
 fn layers_of_limbs(drivers: &[ir::Driver], skeleton: &Skeleton) -> BTreeSet<u8> {
-    let mut layers: BTreeSet<u8> = drivers.iter().map(|driver| driver.layer).collect();
-    for driver in drivers {
-        let of_group = drivers.iter().filter(|other| other.group == driver.group);
-        let joints: Vec<Bone> = of_group.flat_map(|driver| driver.joints.iter().copied()).collect();
-        let is_root = |bone: &&Bone| {
-            let mut above = skeleton.index_of(**bone).and_then(|joint| skeleton.joints()[joint].parent);
-            while let Some(joint) = above.map(|joint| skeleton.joints()[usize::from(joint)]) {
-                if joints.contains(&joint.bone) {
-                    return false;
-                }
-                above = joint.parent;
-            }
-            true
-        };
-        if joints.iter().filter(is_root).count() > 1 {
-            layers.remove(&driver.layer);
-        }
-    }
-    layers
+    let roots = |limb: &Limb| limb.chain.iter().filter(|link| link.parent.is_none()).count();
+    let is_of_limbs = |layer: &u8| limbs(drivers, usize::from(*layer), skeleton).iter().all(|limb| roots(limb) <= 1);
+    drivers.iter().map(|driver| driver.layer).filter(is_of_limbs).collect()
 }
 
 /// Weights that differ by less are alike: a few units of a pack's 65535.
@@ -242,7 +227,7 @@ mod tests {
     use super::*;
     use crate::ir::{Body, Driver, Regions, Surface};
     use glam::{Quat, Vec3};
-    use kitsuke::skeleton::Joint;
+    use kitsuke::skeleton::{Bone, Joint};
 
     /// A row of vertices along an arm in the T-pose, or along a leg, with one sample in which the second half follows the lower limb.
     fn limb(group_of_other: &str) -> (ir::Garment, Vec<SkinWeights>) {

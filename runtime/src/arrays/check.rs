@@ -424,7 +424,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             }
             check_chain(group, number, &data.poses)?;
             let targets = data.targets_of_layer(layer).count();
-            let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count()).count();
+            let samples = data.samples_of_layer(layer).count();
             let centres = check_centres(group, number)?;
             all_centres += centres;
             check_count("poses between the samples", all_centres, 0, limits::CENTRES)?;

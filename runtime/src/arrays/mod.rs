@@ -73,6 +73,17 @@ pub struct Mesh {
     pub source_vertex: Vec<u32>,
 }
 
+impl Mesh {
+    /// The unique vertex that a vertex is, or copies where it is a seam twin.
+    ///
+    /// # Panics
+    /// When there is no such vertex.
+    #[must_use]
+    pub fn unique(&self, vertex: u32) -> u32 {
+        (vertex as usize).checked_sub(self.positions_m.len()).map_or(vertex, |twin| self.twin_of[twin])
+    }
+}
+
 /// A named piece: a run of triangles.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Part {
@@ -208,6 +219,12 @@ impl GarmentData {
     #[must_use]
     pub fn sample_count(&self) -> usize {
         self.targets.len().saturating_sub(self.corrective_count)
+    }
+
+    /// The numbers of a layer's samples, ascending.
+    pub fn samples_of_layer(&self, layer: usize) -> impl Iterator<Item = usize> {
+        let samples = self.sample_count();
+        self.targets_of_layer(layer).filter(move |&target| target < samples)
     }
 
     /// The numbers of a layer's targets, ascending: its samples, then its correctives.

@@ -67,7 +67,7 @@ impl Transfer {
         for segment in &data.segments {
             is_moved.extend(std::iter::repeat_n(!segment.drivers.is_empty(), segment.vertex_count as usize));
         }
-        let unique = |v: u32| (v as usize).checked_sub(base_m.len()).map_or(v, |twin| data.mesh.twin_of[twin]);
+        let unique = |v: u32| data.mesh.unique(v);
         let triangles = data.mesh.triangles.iter().map(|corners| corners.map(unique));
         let triangles: Vec<Triangle> = triangles
             .filter(|corners| corners.iter().any(|&v| is_moved[v as usize]))

@@ -96,11 +96,8 @@ impl Plan {
             }
         }
         let unique = data.mesh.positions_m.len();
-        let original = |vertex: u32| match (vertex as usize).checked_sub(unique) {
-            Some(twin) => data.mesh.twin_of[twin],
-            None => vertex,
-        };
-        let triangles: Vec<_> = data.mesh.triangles.iter().map(|corners| corners.map(original)).collect();
+        let triangles: Vec<_> =
+            data.mesh.triangles.iter().map(|corners| corners.map(|v| data.mesh.unique(v))).collect();
         let normals = Strips::new(unique, &triangles);
         let mut masks = Vec::new();
         for Segment { drivers, masks: rows, .. } in &data.segments {

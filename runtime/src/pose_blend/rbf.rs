@@ -114,8 +114,7 @@ impl Samples {
 /// The rows of the pose table that a layer blends: the base's, then those of the layer's samples.
 #[must_use]
 pub fn rows_of_layer(data: &GarmentData, layer: usize) -> Vec<usize> {
-    let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count());
-    std::iter::once(0).chain(samples.map(|target| target + 1)).collect()
+    std::iter::once(0).chain(data.samples_of_layer(layer).map(|target| target + 1)).collect()
 }
 
 /// The embeddings of poses that are given as the rotations of the chain's joints, one after the other.

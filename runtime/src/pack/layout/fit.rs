@@ -227,7 +227,7 @@ impl FieldCoding {
 
 fn unique_triangles(garment: &Garment) -> Vec<[u32; 3]> {
     let mesh = &garment.data().mesh;
-    let unique = |v: u32| (v as usize).checked_sub(mesh.positions_m.len()).map_or(v, |twin| mesh.twin_of[twin]);
+    let unique = |v: u32| mesh.unique(v);
     mesh.triangles.iter().map(|corners| corners.map(unique)).collect()
 }
 
