@@ -100,6 +100,9 @@ fn unseen_targets_are_predicted_better_than_by_any_other_way() {
     }
 }
 
+/// Percentiles this near to each other differ by less than the simulations do when they are repeated.
+const SAME: f64 = 1.03;
+
 fn better_than_any_other_way(garment: &Garment, layer: usize) {
     let samples = garment.data().sample_count();
     let of_layer: Vec<usize> = garment.data().targets_of_layer(layer).filter(|&target| target < samples).collect();
@@ -119,7 +122,7 @@ fn better_than_any_other_way(garment: &Garment, layer: usize) {
     ] {
         let [mean, p99] = figures(method);
         assert!(
-            own_mean < mean && own_p99 < p99,
+            own_mean < mean && own_p99 < p99 * SAME,
             "layer {layer}, {}: {mean} and {p99}, not {own_mean} and {own_p99}",
             method.name()
         );

@@ -132,7 +132,7 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
     };
     let ((one, report), (two, _)) = (build(1), build(2));
     let komon = entry(&report.garments[0]);
-    assert_eq!(komon.targets.len(), 30);
+    assert_eq!(komon.targets.len(), 54);
     for target in &komon.targets {
         assert!(target.max_mm <= 0.25, "{}: {} mm", target.name, target.max_mm);
         assert!(target.mean_mm <= 0.05, "{}: {} mm on average", target.name, target.mean_mm);

@@ -361,7 +361,7 @@ fn komon_comes_back_in_the_order_of_its_files() {
     let garment = pack.garment();
     let mut stage = Stage::new(garment);
     let shots = own_poses(garment);
-    assert_eq!(shots.len(), 31);
+    assert_eq!(shots.len(), 55);
     let files = source.targets.iter().map(|target| target.file.as_str());
     for (shot, file) in shots.iter().zip(std::iter::once("base.obj").chain(files)) {
         let (shape, values) = {

@@ -716,7 +716,7 @@ mod tests {
         assert_eq!(garment.base.positions_m.len(), 13_924);
         assert_eq!(garment.base.triangles.len(), 27_340);
         assert_eq!(garment.base.uv.len(), 14_585);
-        assert_eq!(garment.targets.len(), 30);
+        assert_eq!(garment.targets.len(), 54);
         assert_eq!(garment.body.skeleton.joints().len(), 20);
         assert_eq!(garment.paths.len(), 17);
         assert_eq!(garment.drivers.len(), 8);
