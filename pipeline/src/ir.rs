@@ -110,6 +110,15 @@ impl Body {
     }
 }
 
+/// A wearer's own body as it comes.
+#[derive(Clone, Debug)]
+pub enum WearerBody {
+    /// With joints and weights of its own.
+    Skinned(Body),
+    /// A surface alone: the base's body in another shape, vertex for vertex.
+    Bare(Surface),
+}
+
 /// One target: a pose and the shape of the kimono in it.
 #[derive(Clone, Debug)]
 pub struct TargetShape {

@@ -19,4 +19,5 @@ mod skinning;
 mod tailoring;
 mod texture;
 mod transfer;
+mod wearer;
 mod weld;

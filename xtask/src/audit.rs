@@ -2,6 +2,7 @@
 
 use crate::places::{Places, ended, write_whole};
 use crate::shots;
+use crate::wearers;
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Limited};
 use kitsuke_pipeline::ir::{self, Body};
@@ -39,6 +40,15 @@ pub struct Args {
     /// Pose the wearer as recorded, even where the kimono would not let her
     #[arg(long, requires = "motion")]
     as_recorded: bool,
+    /// Fit the kimono to the Nth body of a table, from 1, and measure it on that body
+    #[arg(long, value_name = "FILE#N", requires = "wearer")]
+    body: Option<String>,
+    /// That body itself, a GLB in the T-pose; without a skin it must be the kimono's own body in another shape
+    #[arg(long, value_name = "GLB", requires = "body")]
+    wearer: Option<PathBuf>,
+    /// The rule set of the fit [default: the kimono's own]
+    #[arg(long, value_name = "NAME", requires = "body")]
+    rules: Option<String>,
     /// Where the picture goes [default: reports/ in --catalog]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -56,11 +66,17 @@ pub fn run(args: Args) -> ExitCode {
 
 fn report(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
-    let garment = pack.garment();
-    let id = &garment.data().id;
+    let id = &pack.garment().data().id;
     let source = args.places.source(id).ok_or("the body is needed to measure against")?;
+    let worn = args.body.as_ref().zip(args.wearer.as_ref()).map(|(body, glb)| {
+        let fitted = wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())?;
+        let source = wearers::worn_by(source.clone(), &fitted, glb, body)?;
+        Ok::<_, String>((fitted.garment, source))
+    });
+    let worn = worn.transpose()?;
+    let (garment, source) = worn.as_ref().map_or((pack.garment(), &source), |(garment, source)| (garment, source));
     if !args.motion.is_empty() {
-        return motions(args, garment, &source);
+        return motions(args, garment, source);
     }
     let poses = pose_space::poses(garment, 0, args.poses as usize);
     let began = Instant::now();
@@ -69,8 +85,10 @@ fn report(args: &Args) -> Result<(), String> {
     print_audit(garment, &source.body, &found);
     print_samples(garment, &source.body);
 
-    let picture = draw(garment, &source, &poses, &found)?;
-    let path = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports")).join(format!("{id}-audit.png"));
+    let picture = draw(garment, source, &poses, &found)?;
+    let name = [Some(id.clone()), args.body.as_deref().map(wearers::file_part)].into_iter().flatten();
+    let name = format!("{}-audit.png", name.collect::<Vec<_>>().join("_"));
+    let path = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports")).join(name);
     write_whole(&path, |out| out.write_all(&picture))?;
     say!("{}", path.display());
     Ok(())
@@ -142,9 +160,9 @@ fn print_audit(garment: &Garment, body: &Body, found: &Audit) {
     }
 }
 
-/// At the samples the cloth is as the artist made it.
+/// At the samples the cloth of the base is as the artist made it, that of a fitted kimono as it was transferred.
 fn print_samples(garment: &Garment, body: &Body) {
-    say!("at the samples, where the artist's shapes stay as they are:");
+    say!("at the samples:");
     for (number, shot) in own_poses(garment).iter().enumerate() {
         let worst = deepest(&pose_depths(body, garment, number, &shot.pose));
         if worst.depth_m > 1e-3 {

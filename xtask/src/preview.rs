@@ -8,7 +8,7 @@ use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::look::scene::{Colours, Figure, Framing, Scene, View};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Draw a contact sheet per kimono: base and targets from front, side and back, as one PNG
@@ -41,9 +41,12 @@ pub struct Args {
     /// From where
     #[arg(long, value_delimiter = ',', default_values = ["front", "side", "back"])]
     views: Vec<ViewName>,
-    /// Fit the kimono to the Nth body of a table, from 1, and draw it without the wearer
+    /// Fit the kimono to the Nth body of a table, from 1, and draw it without the wearer unless --wearer names her
     #[arg(long, value_name = "FILE#N")]
     body: Option<String>,
+    /// That body itself, a GLB in the T-pose; without a skin it must be the kimono's own body in another shape
+    #[arg(long, value_name = "GLB", requires = "body")]
+    wearer: Option<PathBuf>,
     /// The rule set of the fit [default: the kimono's own]
     #[arg(long, value_name = "NAME", requires = "body")]
     rules: Option<String>,
@@ -103,9 +106,13 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let fitted = fitted.map(|body| wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())).transpose()?;
     let garment = fitted.as_ref().map_or(pack.garment(), |fitted| &fitted.garment);
     let id = &garment.data().id;
-    let source = args.places.source(id);
+    let mut source = args.places.source(id);
+    if let (Some(fitted), Some(body), Some(glb)) = (&fitted, &args.body, &args.wearer) {
+        let base = source.ok_or("the kimono's own body is needed to know where its cloth lies on the skin")?;
+        source = Some(wearers::worn_by(base, fitted, glb, body)?);
+    }
     let mut scene = Scene::new(garment, source.as_ref());
-    if fitted.is_some() {
+    if fitted.is_some() && args.wearer.is_none() {
         // Body and obi of the source are another wearer's.
         scene = scene.unworn();
     }
@@ -149,10 +156,9 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let shown = args.motion.as_deref().or(args.poses.as_deref());
     let motion = shown.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let kind = if args.colours == ColoursName::Cloth { None } else { args.colours.to_possible_value() };
-    let body = args.body.as_deref().and_then(|body| Path::new(body).file_name()).map(|name| name.to_string_lossy());
     let name = [
         Some(id.clone()),
-        body.map(|body| body.replace('#', "_")),
+        args.body.as_deref().map(wearers::file_part),
         motion.map(Into::into),
         kind.map(|kind| kind.get_name().to_owned()),
     ];

@@ -1,11 +1,15 @@
-//! Bodies of tables, as options name them, and the kimono fitted to them.
+//! Bodies of tables, as options name them, the kimono fitted to them, and their own skin.
 
 use crate::fit::rule_set;
 use crate::places::Places;
 use crate::tailor::or_print;
 use kitsuke::Pack;
 use kitsuke::fit::Verdict;
+use kitsuke_pipeline::ir;
 use kitsuke_pipeline::look::fitted::{Fitted, fitted};
+use kitsuke_pipeline::measure::wearer::worn;
+use kitsuke_pipeline::source::body as body_file;
+use kitsuke_pipeline::source::folder::{FILE_BYTES, read_at_most};
 use kitsuke_pipeline::source::measurements::{self, Wearer};
 use std::path::Path;
 
@@ -44,4 +48,23 @@ pub fn fitted_to(places: &Places, pack: &Pack, body: &str, rules: Option<&str>) 
         eprintln!("note: {}: {}", wearer.name, fitter.explain(&fitted.fit, &wearer.measurements));
     }
     Ok(fitted)
+}
+
+/// What a fitted kimono is worn over: its sources with the body of a GLB in the place of the base's. The GLB must be that of the body to
+/// which the kimono was fitted, `FILE#N`.
+pub fn worn_by(source: ir::Garment, fitted: &Fitted, glb: &Path, body: &str) -> Result<ir::Garment, String> {
+    let file = glb.display();
+    let bytes = read_at_most(glb, FILE_BYTES).map_err(|error| format!("cannot read the wearer {file}: {error}"))?;
+    let mut report = Vec::new();
+    let name = glb.file_name().unwrap_or(glb.as_os_str()).to_string_lossy();
+    let read = body_file::read_wearer(&name, &bytes, &mut report).ok_or(report);
+    let read = or_print(read, glb.parent().unwrap_or(Path::new(""))).ok_or(format!("{file} cannot be used"))?;
+    worn(source, &fitted.garment, read).map_err(|error| {
+        format!("{file} is not the wearer of the kimono fitted to {body}: {error}; name the GLB of that very body")
+    })
+}
+
+/// `FILE#N` as a part of the names of files.
+pub fn file_part(body: &str) -> String {
+    Path::new(body).file_name().unwrap_or_default().to_string_lossy().replace('#', "_")
 }

@@ -9,4 +9,5 @@ pub mod pose_space;
 pub mod size_errors;
 pub mod skirt;
 pub mod verify;
+pub mod wearer;
 pub mod weld_quality;

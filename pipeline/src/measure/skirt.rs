@@ -37,7 +37,8 @@ pub struct Legs<'a> {
 }
 
 impl<'a> Legs<'a> {
-    /// Of the body on which the garment was made; the skirt begins at the obi's lower edge, or at the hips without an obi.
+    /// Of the source's body, which wears the garment: that on which it was made, or that of [`super::wearer::worn`] for a fitted one. The
+    /// skirt begins at the obi's lower edge, or at the hips without an obi.
     #[must_use]
     pub fn new(garment: &'a Garment, source: &'a ir::Garment) -> Legs<'a> {
         const LEGS: [Bone; 4] = [Bone::LeftUpperLeg, Bone::LeftLowerLeg, Bone::RightUpperLeg, Bone::RightLowerLeg];

@@ -3,7 +3,7 @@
 
 use super::manifest::unknown_bone;
 use crate::diagnostic::{Diagnostic, Place};
-use crate::ir::{Body, Part, Surface};
+use crate::ir::{Body, Part, Surface, WearerBody};
 use glam::{Mat4, Quat, Vec3};
 use gltf::accessor::{DataType, Dimensions};
 use kitsuke::arrays::limits;
@@ -28,11 +28,52 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Bo
         .ok()
 }
 
-fn decode(bytes: &[u8]) -> Result<Body, String> {
+/// Reads a wearer's body, which may come without a skin.
+pub fn read_wearer(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<WearerBody> {
+    match decode_bare(bytes) {
+        Ok(None) => read(file, bytes, report).map(WearerBody::Skinned),
+        Ok(Some(surface)) => Some(WearerBody::Bare(surface)),
+        Err(problem) => {
+            report.push(Diagnostic::error("body", file, Place::File).problem(problem).help(
+                "Export the wearer as one GLB file in metres, in the T-pose, triangles with POSITION; with its skin if it has one.",
+            ));
+            None
+        }
+    }
+}
+
+/// `None` where the file has a skin.
+fn decode_bare(bytes: &[u8]) -> Result<Option<Surface>, String> {
+    let (document, buffers) = open(bytes)?;
+    if document.skins().next().is_some() {
+        return Ok(None);
+    }
+    let nodes: Vec<gltf::Node<'_>> = document.nodes().collect();
+    let rest = rest_transforms(&document, &nodes)?;
+    let mut surface = Surface::default();
+    for node in &nodes {
+        if let (Some(mesh), Some((place, _))) = (node.mesh(), rest[node.index()]) {
+            for primitive in mesh.primitives() {
+                append_surface(&mut surface, mesh.name().unwrap_or("body"), &primitive, &buffers, Some(place))?;
+            }
+        }
+    }
+    if surface.triangles.is_empty() {
+        return Err("the file has no mesh".to_owned());
+    }
+    Ok(Some(surface))
+}
+
+fn open(bytes: &[u8]) -> Result<(gltf::Document, Vec<gltf::buffer::Data>), String> {
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice(bytes).map_err(|error| format!("this is no readable GLB: {error}"))?;
     let buffers = gltf::import_buffers(&document, None, blob)
         .map_err(|error| format!("a buffer cannot be read ({error}); all data must lie inside the GLB"))?;
+    Ok((document, buffers))
+}
+
+fn decode(bytes: &[u8]) -> Result<Body, String> {
+    let (document, buffers) = open(bytes)?;
     let skin = document.skins().next().ok_or("the file has no skin, so the body has no joints")?;
     let nodes: Vec<gltf::Node<'_>> = document.nodes().collect();
     let rest = rest_transforms(&document, &nodes)?;
@@ -132,30 +173,16 @@ fn append(
     buffers: &[gltf::buffer::Data],
     slots: &[u8],
 ) -> Result<(), String> {
-    if primitive.mode() != gltf::mesh::Mode::Triangles {
-        return Err(format!("mesh {name} has primitives that are no triangles"));
-    }
-    let attribute =
-        |semantic| primitive.get(&semantic).ok_or_else(|| format!("mesh {name} has no {}", semantic.to_string()));
-    let positions = floats::<3>(&attribute(gltf::Semantic::Positions)?, buffers, Dimensions::Vec3)?;
-    let joints = integers::<4>(&attribute(gltf::Semantic::Joints(0))?, buffers, Dimensions::Vec4)?;
-    let weights = floats::<4>(&attribute(gltf::Semantic::Weights(0))?, buffers, Dimensions::Vec4)?;
+    let first = body.surface.positions_m.len();
+    append_surface(&mut body.surface, name, primitive, buffers, None)?;
+    let joints = integers::<4>(&attribute(name, primitive, &gltf::Semantic::Joints(0))?, buffers, Dimensions::Vec4)?;
+    let weights = floats::<4>(&attribute(name, primitive, &gltf::Semantic::Weights(0))?, buffers, Dimensions::Vec4)?;
     if primitive.get(&gltf::Semantic::Joints(1)).is_some() {
         return Err(format!("mesh {name} has more than four joints per vertex"));
     }
-    if joints.len() != positions.len() || weights.len() != positions.len() {
+    let count = body.surface.positions_m.len() - first;
+    if joints.len() != count || weights.len() != count {
         return Err(format!("mesh {name} has not one position, joint and weight row per vertex"));
-    }
-    let first = body.surface.positions_m.len();
-    if first + positions.len() > limits::VERTICES {
-        return Err(format!("the body has more than {} vertices", limits::VERTICES));
-    }
-    for (vertex, position) in positions.iter().enumerate() {
-        let position = Vec3::from_array(*position);
-        if !(position.is_finite() && position.abs().max_element() <= limits::EXTENT_M) {
-            return Err(format!("vertex {vertex} of mesh {name} lies at {position}"));
-        }
-        body.surface.positions_m.push(position);
     }
     for (vertex, (joints, weights)) in joints.iter().zip(&weights).enumerate() {
         let sum: f32 = weights.iter().sum();
@@ -175,6 +202,33 @@ fn append(
         }
         body.skin.push(row);
     }
+    Ok(())
+}
+
+/// Appends one primitive's vertices, moved by `place` if there is one, and triangles.
+fn append_surface(
+    surface: &mut Surface,
+    name: &str,
+    primitive: &gltf::Primitive<'_>,
+    buffers: &[gltf::buffer::Data],
+    place: Option<Mat4>,
+) -> Result<(), String> {
+    if primitive.mode() != gltf::mesh::Mode::Triangles {
+        return Err(format!("mesh {name} has primitives that are no triangles"));
+    }
+    let positions = floats::<3>(&attribute(name, primitive, &gltf::Semantic::Positions)?, buffers, Dimensions::Vec3)?;
+    let first = surface.positions_m.len();
+    if first + positions.len() > limits::VERTICES {
+        return Err(format!("the body has more than {} vertices", limits::VERTICES));
+    }
+    for (vertex, position) in positions.iter().enumerate() {
+        let position = Vec3::from_array(*position);
+        let position = place.map_or(position, |place| place.transform_point3(position));
+        if !(position.is_finite() && position.abs().max_element() <= limits::EXTENT_M) {
+            return Err(format!("vertex {vertex} of mesh {name} lies at {position}"));
+        }
+        surface.positions_m.push(position);
+    }
     let indices: Vec<u32> = match primitive.indices() {
         Some(accessor) => integers::<1>(&accessor, buffers, Dimensions::Scalar)?.into_iter().map(|[i]| i).collect(),
         None => (0..positions.len() as u32).collect(),
@@ -186,12 +240,20 @@ fn append(
     if !rest.is_empty() {
         return Err(format!("mesh {name} has {} indices, which is no whole number of triangles", indices.len()));
     }
-    if body.surface.triangles.len() + triangles.len() > limits::TRIANGLES {
+    if surface.triangles.len() + triangles.len() > limits::TRIANGLES {
         return Err(format!("the body has more than {} triangles", limits::TRIANGLES));
     }
-    body.surface.triangles.extend(triangles.iter().map(|triangle| triangle.map(|index| index + first as u32)));
-    body.surface.parts.push(Part { name: name.to_owned(), triangle_count: triangles.len() as u32 });
+    surface.triangles.extend(triangles.iter().map(|triangle| triangle.map(|index| index + first as u32)));
+    surface.parts.push(Part { name: name.to_owned(), triangle_count: triangles.len() as u32 });
     Ok(())
+}
+
+fn attribute<'a>(
+    name: &str,
+    primitive: &gltf::Primitive<'a>,
+    semantic: &gltf::Semantic,
+) -> Result<gltf::Accessor<'a>, String> {
+    primitive.get(semantic).ok_or_else(|| format!("mesh {name} has no {}", semantic.to_string()))
 }
 
 /// The rows of an accessor as bytes, one slice of `N` components each.
