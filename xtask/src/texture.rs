@@ -64,9 +64,12 @@ fn texture(args: &Args) -> Result<(), String> {
     let texturer = Texturer::with_energies(mesh, &fit, energies).map_err(|error| error.to_string())?;
     let mut scratch = TextureScratch::new(&texturer);
     let m_per_uv = m_per_uv(mesh);
-    println!("{:16}{:^30}{:^47}{:>7}", "", "RMS of (sigma - 1), %", "worst motif of 5 cm, %", "grain,");
+    println!(
+        "{:16}{:^30}{:^47}{:>10}{:>7}",
+        "", "RMS of (sigma - 1), %", "worst motif of 5 cm, %", "drawn out,", "grain,"
+    );
     let heads = ["kept", "blended", "corrected"].map(|head| format!("{head:>10}")).concat();
-    println!("{:16}{heads}{heads}  {:15}{:>7}", "", "on", "deg");
+    println!("{:16}{heads}{heads}  {:15}{:>10}{:>7}", "", "on", "%", "deg");
     let mut ratios = Vec::new();
     let mut worst_motif = (0.0f64, String::new());
     let mixes = mixes(args, garment, &fit)?;
@@ -85,7 +88,9 @@ fn texture(args: &Args) -> Result<(), String> {
         let on = mesh.parts.get(part).map_or("", |part| part.name.as_str());
         let rms = wholes.each_ref().map(|row| format!("{:10.2}", 100.0 * row.rms)).concat();
         let motif = wholes.each_ref().map(|row| format!("{:+10.2}", 100.0 * row.motif)).concat();
-        println!("{:16}{rms}{motif}  {on:15}{:7.2}", mix.name, wholes[2].turned_deg);
+        let corrected = &wholes[2];
+        let drawn_out = 100.0 * corrected.drawn_out;
+        println!("{:16}{rms}{motif}  {on:15}{drawn_out:10.2}{:7.2}", mix.name, corrected.turned_deg);
         ratios.push(wholes[2].rms / wholes[0].rms);
         if wholes[2].motif.abs() > worst_motif.0.abs() {
             worst_motif = (wholes[2].motif, format!("on {on} of {}", mix.name));
