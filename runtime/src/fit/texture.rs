@@ -51,7 +51,7 @@ impl Default for Energies {
     }
 }
 
-/// Rounds of rotations and coordinates; half as many leave motifs a third more wrong, twice as many change little.
+/// Rounds of rotations and coordinates; five leave motifs a quarter more wrong, twice as many change little.
 const ROUNDS: usize = 9;
 /// How far a round's step goes, in steps of a matrix that is stiff enough. Below 2, from where on a step may raise the energy.
 const STRIDE: f64 = 1.8;
