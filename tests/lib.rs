@@ -15,7 +15,7 @@ use kitsuke::arrays::{
 use kitsuke::arrays::{ChainJoint, Group, Rbf};
 use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
 use kitsuke::measurement::{Measurement, Measurements};
-use kitsuke::skeleton::{Bone, Joint, Skeleton};
+use kitsuke::skeleton::{Bone, Hanging, Joint, Skeleton};
 use kitsuke::tailoring::{Check, DimensionRule, Level, Limit, Op, RuleSet, Side};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
@@ -222,6 +222,7 @@ fn small_skeleton() -> Skeleton {
         joint(Bone::LeftUpperArm, Some(1), 0.15, 1.4),
         joint(Bone::LeftLowerArm, Some(2), 0.4, 1.4),
     ])
+    .and_then(|skeleton| skeleton.with_hanging(vec![Hanging { joint: 3, heading: 2, trunk: 1 }]))
     .expect("the small skeleton is valid")
 }
 
@@ -260,5 +261,6 @@ fn small_mesh() -> Mesh {
 fn small_skin(ring: usize) -> SkinWeights {
     let lower = u16::try_from(ring * 7000).expect("within 16 bits");
     let spine = if ring == 0 { 30000 } else { 0 };
-    SkinWeights { joints: [2, 3, 1, 0], weights: [u16::MAX - lower - spine, lower, spine, 0] }
+    let hanging = lower / 4;
+    SkinWeights { joints: [2, 3, 1, 4], weights: [u16::MAX - lower - spine, lower - hanging, spine, hanging] }
 }

@@ -5,7 +5,7 @@ use crate::measure::audit::{self, Depth};
 use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
 use crate::stages::{
-    StageError, compress, correctives, deltas, fit_data, kernel, reach, regions, skin, skin_fit, weld,
+    StageError, compress, correctives, deltas, fit_data, hanging, kernel, reach, regions, skin, skin_fit, weld,
 };
 use glam::Vec3;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
@@ -61,6 +61,10 @@ pub fn build_garment(
     memo: &Memo,
     progress: &(dyn Fn(StageRun) + Sync),
 ) -> Result<Built, StageError> {
+    let mut source = source.clone();
+    let hung = hanging::with_hanging(&source.drivers, &source.body.skeleton);
+    source.body.skeleton = hung.map_err(|error| StageError::new("skin", error.to_string()))?;
+    let source = &source;
     let ir::Garment { base, body, pose_bones, drivers, targets, .. } = source;
     let tell = |stage, target: Option<&ir::TargetShape>, origin| {
         progress(StageRun { stage, target: target.map(|target| target.name.clone()), origin });
@@ -301,7 +305,9 @@ mod keys {
     }
 
     fn skeleton(key: Key, skeleton: &Skeleton) -> Key {
-        skeleton.joints().iter().fold(key.text("skeleton"), |key, joint| {
+        let hanging: Vec<u8> =
+            skeleton.hanging().iter().flat_map(|frame| [frame.joint, frame.heading, frame.trunk]).collect();
+        skeleton.joints().iter().fold(key.text("skeleton").array(&hanging), |key, joint| {
             key.array(&[joint.bone as u8, joint.parent.map_or(u8::MAX, |parent| parent)]).array(&[joint.rest_m])
         })
     }

@@ -101,7 +101,7 @@ impl Body {
     /// The surface in a pose by linear blend skinning, metres.
     #[must_use]
     pub fn posed_m(&self, pose: &Pose) -> Vec<Vec3> {
-        let mut posed_from_rest = vec![Affine3A::IDENTITY; self.skeleton.joints().len()];
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; self.skeleton.frame_count()];
         self.skeleton.posed_from_rest(pose, &mut posed_from_rest);
         let posed = |(p, weights): (&Vec3, &[(u8, f32); 4])| {
             weights.iter().map(|&(joint, w)| posed_from_rest[usize::from(joint)].transform_point3(*p) * w).sum()

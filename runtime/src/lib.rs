@@ -8,7 +8,7 @@
 //! use kitsuke::{Frame, Pack, Scratch, evaluate};
 //!
 //! # fn main() -> Result<(), kitsuke::OpenError> {
-//! # let bytes = include_bytes!("../../tests/packs/v4_0.kitsuke");
+//! # let bytes = include_bytes!("../../tests/packs/v5_0.kitsuke");
 //! let pack = Pack::open(bytes)?;
 //! let garment = pack.garment();
 //! let mut scratch = Scratch::new(garment);
@@ -29,7 +29,7 @@
 //! # use kitsuke::skeleton::Pose;
 //! # use kitsuke::{Frame, Pack, Scratch, evaluate};
 //! # fn main() -> Result<(), kitsuke::OpenError> {
-//! # let pack = Pack::open(include_bytes!("../../tests/packs/v4_0.kitsuke"))?;
+//! # let pack = Pack::open(include_bytes!("../../tests/packs/v5_0.kitsuke"))?;
 //! # let garment = pack.garment();
 //! # let poses = vec![Pose::REST; 4];
 //! # let mut wearers = vec![(vec![Vec3::ZERO; garment.vertex_count()], vec![Vec3::ZERO; garment.vertex_count()]); 4];

@@ -27,7 +27,7 @@ fn evaluating_allocates_nothing() {
 
 #[test]
 fn a_whole_recording_plays_without_an_allocation() {
-    let pack = Pack::open(include_bytes!("../packs/v4_0.kitsuke")).expect("a sound pack");
+    let pack = Pack::open(include_bytes!("../packs/v5_0.kitsuke")).expect("a sound pack");
     let garment = pack.garment();
     let recording = include_bytes!("../../assets-src/motions/two_arms.bvh");
     let motion = bvh::read(recording, &garment.data().skeleton).expect("a sound recording");

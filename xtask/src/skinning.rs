@@ -112,7 +112,7 @@ impl Family {
 
 /// The base in a pose, metres.
 fn posed(data: &GarmentData, method: Method, pose: &Pose) -> Vec<Vec3> {
-    let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.joints().len()];
+    let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.frame_count()];
     data.skeleton.posed_from_rest(pose, &mut posed_from_rest);
     let affine: Vec<DAffine3> = posed_from_rest.iter().map(|transform| transform.as_daffine3()).collect();
     let dual: Vec<[DQuat; 2]> = affine
@@ -167,7 +167,7 @@ struct Figures {
 impl Sleeves {
     fn new(data: &GarmentData) -> Sleeves {
         let is_arm = |joint: u8| {
-            let name = data.skeleton.joints()[usize::from(joint)].bone.name();
+            let name = data.skeleton.bone(joint).name();
             ["Shoulder", "UpperArm", "LowerArm"].iter().any(|arm| name.ends_with(arm))
         };
         let arm_weight = |skin: &SkinWeights| -> u32 {
@@ -186,7 +186,7 @@ impl Sleeves {
 
     fn figures(&self, data: &GarmentData, pose: &Pose, posed_m: &[Vec3]) -> Figures {
         let rest_m = &data.mesh.positions_m;
-        let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.joints().len()];
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.frame_count()];
         data.skeleton.posed_from_rest(pose, &mut posed_from_rest);
         let ratio = |&[a, b]: &[usize; 2]| posed_m[a].distance(posed_m[b]) / rest_m[a].distance(rest_m[b]);
         let edges = self.edges.iter().map(ratio).collect();

@@ -55,7 +55,7 @@ impl<'a> Legs<'a> {
         let follows_legs = |v: u32| {
             let weights = &garment.data().skin[v as usize];
             let of_legs = weights.joints.iter().zip(weights.weights).filter(|(joint, _)| {
-                let bone = garment.data().skeleton.joints()[usize::from(**joint)].bone;
+                let bone = garment.data().skeleton.bone(**joint);
                 bone == Bone::Hips || LEGS.contains(&bone)
             });
             of_legs.map(|(_, weight)| u32::from(weight)).sum::<u32>() > 32_768

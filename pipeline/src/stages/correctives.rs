@@ -291,7 +291,7 @@ impl Push<'_> {
     /// Moves of posed cloth as moves of cloth before posing.
     fn unposed(&self, pose: &Pose, moves_m: &[Vec3]) -> Vec<Vec3> {
         let data = self.garment.data();
-        let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.joints().len()];
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.frame_count()];
         data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut posed_from_rest);
         let unposed = |((move_m, skin), owned): ((&Vec3, &SkinWeights), &f32)| {
             if move_m.length_squared() < 1e-12 {

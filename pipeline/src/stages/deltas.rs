@@ -30,13 +30,13 @@ pub fn deltas(
     bones: &[Bone],
     target: &TargetShape,
 ) -> Result<Vec<Vec3>, StageError> {
-    let mut posed_from_rest = vec![Affine3A::IDENTITY; skeleton.joints().len()];
+    let mut posed_from_rest = vec![Affine3A::IDENTITY; skeleton.frame_count()];
     skeleton.posed_from_rest(&pose_of(bones, target), &mut posed_from_rest);
     let posed_from_rest: Vec<DAffine3> = posed_from_rest.iter().map(|transform| transform.as_daffine3()).collect();
     (0..base_m.len())
         .map(|v| {
             let blended = blend(&posed_from_rest, &skin[v]);
-            if blended.matrix3.determinant() < LEAST_DETERMINANT {
+            if is_crushed(&blended) {
                 return Err(StageError::new(
                     "deltas",
                     format!(
@@ -52,8 +52,13 @@ pub fn deltas(
         .collect()
 }
 
+/// Whether a vertex has no usable way back from where this takes it.
+pub(super) fn is_crushed(blended: &DAffine3) -> bool {
+    blended.matrix3.determinant() < LEAST_DETERMINANT
+}
+
 /// The transform of a vertex by linear blend skinning.
-fn blend(posed_from_rest: &[DAffine3], skin: &SkinWeights) -> DAffine3 {
+pub(super) fn blend(posed_from_rest: &[DAffine3], skin: &SkinWeights) -> DAffine3 {
     let mut matrix3 = DMat3::ZERO;
     let mut translation = DVec3::ZERO;
     for (joint, weight) in skin.joints.into_iter().zip(skin.weights) {

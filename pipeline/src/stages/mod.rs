@@ -6,6 +6,7 @@ pub mod correctives;
 pub mod deltas;
 mod error;
 pub mod fit_data;
+pub mod hanging;
 pub mod kernel;
 mod laplacian;
 pub(crate) mod numbers;

@@ -5,20 +5,20 @@
 //! it, and between samples the rest of the error is left. So weights are fitted to the samples (as skinning decompositions do, Le
 //! and Deng: Smooth Skinning Decomposition with Rigid Bones, 2012; here the bones are known): for each vertex the convex weights that
 //! place it best in all samples, held near their first values and near those of its neighbours, so that they stay smooth over the mesh.
+//! Cloth may follow joints and frames in which it hangs.
 
-use super::kernel::{Limb, limbs};
+use super::deltas::{self, pose_of};
+use super::hanging::layers_of_limbs;
 use super::laplacian::Neighbours;
 use super::weights::shares;
 use crate::ir::{self, TargetShape};
-use crate::stages::deltas::pose_of;
-use glam::{Affine3A, DVec3};
+use glam::{Affine3A, DAffine3, DVec3};
 use kitsuke::arrays::SkinWeights;
 use kitsuke::skeleton::Skeleton;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 
 /// Counts up whenever the same input gives other weights.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// How closely weights follow the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,14 +37,6 @@ impl Default for Settings {
     }
 }
 
-/// The layers of which every group drives one limb: joints that follow each other, as those of an arm do. A skirt is a tube round two
-/// limbs and follows neither; weights that let it follow one thigh tear it in strides that no sample has (legs 109 mm outside).
-fn layers_of_limbs(drivers: &[ir::Driver], skeleton: &Skeleton) -> BTreeSet<u8> {
-    let roots = |limb: &Limb| limb.chain.iter().filter(|link| link.parent.is_none()).count();
-    let is_of_limbs = |layer: &u8| limbs(drivers, usize::from(*layer), skeleton).iter().all(|limb| roots(limb) <= 1);
-    drivers.iter().map(|driver| driver.layer).filter(is_of_limbs).collect()
-}
-
 /// Weights that differ by less are alike: a few units of a pack's 65535.
 const ALIKE: f64 = 1e-4;
 
@@ -60,9 +52,9 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
     if targets.is_empty() {
         return first.to_vec();
     }
-    let joint_count = body.skeleton.joints().len();
+    let frame_count = body.skeleton.frame_count();
     let posed_from_rest = |target: &&TargetShape| {
-        let mut posed_from_rest = vec![Affine3A::IDENTITY; joint_count];
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; frame_count];
         body.skeleton.posed_from_rest(&pose_of(pose_bones, target), &mut posed_from_rest);
         posed_from_rest
     };
@@ -109,7 +101,7 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
             .collect();
     }
     let by_joint = |(weights, first): (&Vec<f64>, &SkinWeights)| {
-        let mut by_joint = vec![0.0; joint_count];
+        let mut by_joint = vec![0.0; frame_count];
         for (&class, &weight) in candidates.iter().zip(weights) {
             let members: Vec<(usize, f64)> = weights_of(first).filter(|(joint, _)| classes[*joint] == class).collect();
             let sum: f64 = members.iter().map(|(_, weight)| weight).sum();
@@ -120,14 +112,24 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
         }
         largest(&by_joint)
     };
-    weights.iter().zip(first).map(by_joint).collect()
+    // Weights that crush a vertex in some sample leave it no way to its place there.
+    let transforms: Vec<Vec<DAffine3>> =
+        transforms.iter().map(|frames| frames.iter().map(Affine3A::as_daffine3).collect()).collect();
+    let kept = |(weights, first): (&Vec<f64>, &SkinWeights)| {
+        let skin = by_joint((weights, first));
+        let is_crushed = transforms.iter().any(|frames| deltas::is_crushed(&deltas::blend(frames, &skin)));
+        if is_crushed { *first } else { skin }
+    };
+    weights.par_iter().zip(first).map(kept).collect()
 }
 
-/// For each joint the topmost one that does the same in every sample: they cannot be told apart.
+/// For each frame the topmost one that does the same in every sample: they cannot be told apart.
 fn classes(skeleton: &Skeleton, transforms: &[Vec<Affine3A>]) -> Vec<usize> {
     let mut classes: Vec<usize> = Vec::new();
-    for (number, joint) in skeleton.joints().iter().enumerate() {
-        let above = joint.parent.map(usize::from);
+    let parents = skeleton.joints().iter().map(|joint| joint.parent);
+    let carriers = skeleton.hanging().iter().map(|hanging| Some(hanging.joint));
+    for (number, above) in parents.chain(carriers).enumerate() {
+        let above = above.map(usize::from);
         let follows = |parent: &usize| transforms.iter().all(|t| t[number].abs_diff_eq(t[*parent], 1e-5));
         classes.push(above.filter(follows).map_or(number, |parent| classes[parent]));
     }

@@ -271,9 +271,9 @@ fn check_mesh(mesh: &Mesh) -> Result<(), InvalidGarment> {
 
 fn check_skin(data: &GarmentData) -> Result<(), InvalidGarment> {
     check_length("skin weights", data.skin.len(), data.mesh.positions_m.len())?;
-    let joint_count = data.skeleton.joints().len();
+    let frames = data.skeleton.frame_count();
     for (vertex, skin) in data.skin.iter().enumerate() {
-        if let Some(&joint) = skin.joints.iter().find(|&&joint| usize::from(joint) >= joint_count) {
+        if let Some(&joint) = skin.joints.iter().find(|&&joint| usize::from(joint) >= frames) {
             return Err(InvalidGarment::SkinJoint { vertex, joint });
         }
         let sum = skin.weights.iter().map(|&weight| u32::from(weight)).sum();

@@ -96,7 +96,7 @@ pub struct Part {
 /// Up to four joints that move a vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SkinWeights {
-    /// Joint numbers in the garment's skeleton; unused places have weight 0.
+    /// Frames of the garment's skeleton, joints and then what hangs; unused places have weight 0.
     pub joints: [u8; 4],
     /// Weights in 1/65535; they sum to 65535 exactly.
     pub weights: [u16; 4],

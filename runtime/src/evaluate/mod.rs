@@ -53,7 +53,7 @@ impl Scratch {
         Scratch {
             rates: Rates::new(garment.data()),
             blended_m: vec![0.0; 3 * garment.unique_count()],
-            posed_from_rest: vec![Affine3A::IDENTITY; garment.data().skeleton.joints().len()],
+            posed_from_rest: vec![Affine3A::IDENTITY; garment.data().skeleton.frame_count()],
             normals: normals::Work::new(garment.unique_count(), &garment.plan().normals),
         }
     }
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn vector_instructions_change_no_bit() {
-        let pack = Pack::open(include_bytes!("../../../tests/packs/v4_0.kitsuke")).unwrap();
+        let pack = Pack::open(include_bytes!("../../../tests/packs/v5_0.kitsuke")).unwrap();
         let garment = pack.garment();
         let pose = Pose::REST.with(Bone::LeftUpperArm, Quat::from_rotation_z(-0.8));
         let mut rates = Rates::new(garment.data());

@@ -119,7 +119,9 @@ impl Transfer {
         check_length("joints of the wearer", joints_m.len(), joints.len())?;
         check_length("unique vertices", garment.unique_count(), self.unknown_of.len())?;
         let joints = joints.iter().zip(joints_m).map(|(joint, &rest_m)| Joint { rest_m, ..*joint }).collect();
-        let skeleton = Skeleton::new(joints).map_err(InvalidGarment::Skeleton)?;
+        let hanging = data.skeleton.hanging().to_vec();
+        let skeleton = Skeleton::new(joints).and_then(|skeleton| skeleton.with_hanging(hanging));
+        let skeleton = skeleton.map_err(InvalidGarment::Skeleton)?;
         let mut starts = vec![0];
         for segment in &data.segments {
             starts.push(starts[starts.len() - 1] + segment.vertex_count as usize);

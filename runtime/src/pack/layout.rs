@@ -1,4 +1,4 @@
-//! The format of a pack, version 4.0. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 5.0. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -32,7 +32,7 @@
 //! multiple of [`ALIGNMENT`] after the end of the one before (of the header, for the first), the bytes between are 0,
 //! and the last one ends the pack.
 //!
-//! A reader of 4.x reads every pack of version 4: later minor versions may add sections, which older readers skip,
+//! A reader of 5.x reads every pack of version 5: later minor versions may add sections, which older readers skip,
 //! and change nothing else. In a pack that is not newer than its reader an unknown section is an error. Packs of other
 //! major versions are refused.
 //!
@@ -42,9 +42,9 @@
 //! | tag | content |
 //! |---|---|
 //! | `INFO` | `text` id, `text` name, then as `u32`: unique vertices v, twins w, triangles t, parts p, drivers d, segments s, targets k, correctives c (the last of the targets), bones of the pose table b |
-//! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position |
+//! | `SKEL` | `u8` joint count; per joint: `bone`, `u8` parent (255: none), 3 `f32` rest position; `u8` count of what hangs; per frame: `u8` joint, `u8` heading, `u8` trunk |
 //! | `MESH` | x, y, z of the positions, `floats(v)`; `flag` has uv; u, v, `floats(v + w)` if so, else `floats(0)`; the vertices that twins copy, `column(w)` of `u32`; corners of the triangles, `column(3 t)` of `u32`; source vertices, `column(v)` of `u32`; per part: `text` name, `u32` triangle count |
-//! | `SKIN` | four `column(v)` of `u8` joints, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
+//! | `SKIN` | four `column(v)` of `u8` frames, then `column(v)` of `u16` for the second, third and fourth weight; the first is what they leave of 65535 |
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` layer, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k - c + 1 rows of b times x, y, z, w as `f32`; `u8` pose limit count, per limit: `u8` joint count, per joint: `bone`, `f32` margin, `u16` bound count, per bound: 3 `f32` per joint normal, `f32` most |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `u8` layer, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
@@ -67,7 +67,7 @@ use crate::arrays::{
     Certificate, ChainJoint, Driver, Group, LeftOut, Mesh, NearestPair, Part, PoseBound, PoseLimit, PoseTable, Rbf,
     RbfLayer, Segment, SkinWeights, Target, limits,
 };
-use crate::skeleton::{Bone, Joint, Skeleton};
+use crate::skeleton::{Bone, Hanging, Joint, Skeleton};
 use glam::{DVec3, Vec2, Vec3};
 use std::fmt;
 use xxhash_rust::xxh3::xxh3_64;
@@ -78,7 +78,7 @@ use {super::codec::Writer, crate::arrays::GarmentData};
 /// The first bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
-pub const MAJOR: u16 = 4;
+pub const MAJOR: u16 = 5;
 /// Grows when sections are added that older readers may skip.
 pub const MINOR: u16 = 0;
 /// Bytes before the section table.
@@ -275,14 +275,17 @@ pub(super) fn write_info(data: &GarmentData, to: &mut Writer) {
 const NO_PARENT: u8 = u8::MAX;
 
 pub(super) fn read_skeleton(from: &mut Reader<'_>) -> Result<Skeleton, ContentProblem> {
-    let joints = (0..from.u8()?)
+    let joints: Vec<Joint> = (0..from.u8()?)
         .map(|_| {
             let bone = read_bone(from)?;
             let parent = Some(from.u8()?).filter(|&parent| parent != NO_PARENT);
             Ok(Joint { bone, parent, rest_m: from.vec3()? })
         })
         .collect::<Result<_, _>>()?;
-    Skeleton::new(joints).map_err(ContentProblem::Skeleton)
+    let hanging = (0..from.u8()?)
+        .map(|_| Ok(Hanging { joint: from.u8()?, heading: from.u8()?, trunk: from.u8()? }))
+        .collect::<Result<_, _>>()?;
+    Skeleton::new(joints).and_then(|skeleton| skeleton.with_hanging(hanging)).map_err(ContentProblem::Skeleton)
 }
 
 #[cfg(feature = "write")]
@@ -292,6 +295,10 @@ pub(super) fn write_skeleton(skeleton: &Skeleton, to: &mut Writer) {
         to.u8(joint.bone as u8);
         to.u8(joint.parent.unwrap_or(NO_PARENT));
         to.vec3(joint.rest_m);
+    }
+    to.u8(skeleton.hanging().len() as u8);
+    for &Hanging { joint, heading, trunk } in skeleton.hanging() {
+        [joint, heading, trunk].into_iter().for_each(|joint| to.u8(joint));
     }
 }
 

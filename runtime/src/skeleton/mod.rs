@@ -8,6 +8,7 @@ pub mod bvh;
 #[cfg(feature = "recordings")]
 pub mod deepmimic;
 pub mod filter;
+mod hanging;
 #[cfg(feature = "recordings")]
 pub mod jsonl;
 #[cfg(feature = "recordings")]
@@ -30,6 +31,7 @@ pub mod vrma;
 pub use angle::angle_between_rad;
 pub use bone::Bone;
 use glam::{Affine3A, Quat, Vec3};
+pub use hanging::Hanging;
 pub use tracked::{RestPose, Tracked, Turned};
 
 /// One joint of a [`Skeleton`].
@@ -44,10 +46,11 @@ pub struct Joint {
 }
 
 /// A skeleton in its T-pose: joints, each after its parent, whose axes are all parallel to the world's (the
-/// VRM-normalised rest pose), so that a rest pose is positions alone.
+/// VRM-normalised rest pose), so that a rest pose is positions alone. To it may belong frames in which cloth hangs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     joints: Vec<Joint>,
+    hanging: Vec<Hanging>,
 }
 
 /// Why a list of joints is no skeleton.
@@ -68,6 +71,9 @@ pub enum SkeletonError {
     /// A rest position is not a finite number within 100 m.
     #[error("joint {0} rests at no usable position")]
     Position(usize),
+    /// A frame in which cloth hangs names a joint that there is not, or there are too many of them.
+    #[error("hanging frame {0} is one too many or names a joint that the skeleton lacks")]
+    Hanging(usize),
 }
 
 impl Skeleton {
@@ -94,13 +100,49 @@ impl Skeleton {
                 return Err(SkeletonError::Position(i));
             }
         }
-        Ok(Skeleton { joints })
+        Ok(Skeleton { joints, hanging: Vec::new() })
+    }
+
+    /// The same joints with these frames in which cloth hangs.
+    ///
+    /// # Errors
+    /// When one names a joint that the skeleton lacks, or there are more than joints.
+    pub fn with_hanging(self, hanging: Vec<Hanging>) -> Result<Skeleton, SkeletonError> {
+        let count = self.joints.len();
+        let is_known =
+            |frame: &Hanging| [frame.joint, frame.heading, frame.trunk].iter().all(|&joint| usize::from(joint) < count);
+        match hanging.iter().zip(0..).position(|(frame, number)| number >= count || !is_known(frame)) {
+            Some(number) => Err(SkeletonError::Hanging(number)),
+            None => Ok(Skeleton { hanging, ..self }),
+        }
     }
 
     /// The joints, parents first.
     #[must_use]
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+
+    /// The frames in which cloth hangs.
+    #[must_use]
+    pub fn hanging(&self) -> &[Hanging] {
+        &self.hanging
+    }
+
+    /// How many frames cloth can be skinned to: the joints, then what hangs from them.
+    #[must_use]
+    pub fn frame_count(&self) -> usize {
+        self.joints.len() + self.hanging.len()
+    }
+
+    /// The bone that carries a frame.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    #[must_use]
+    pub fn bone(&self, frame: u8) -> Bone {
+        let hanging = usize::from(frame).checked_sub(self.joints.len()).map(|number| self.hanging[number].joint);
+        self.joints[usize::from(hanging.unwrap_or(frame))].bone
     }
 
     /// The index of a bone's joint, if this skeleton has it.
@@ -115,13 +157,13 @@ impl Skeleton {
         self.index_of(bone).map(|joint| self.joints[joint].rest_m)
     }
 
-    /// Writes, for every joint, the transform from the T-pose to the pose (`posed_from_rest`), which is what skinning
-    /// needs. Bones that the skeleton lacks are left out of the chain.
+    /// Writes, for every frame (joints, then what hangs), the transform from the T-pose to the pose (`posed_from_rest`), which is what
+    /// skinning needs. Bones that the skeleton lacks are left out of the chain.
     ///
     /// # Panics
-    /// When `posed_from_rest` is not as long as [`Skeleton::joints`].
+    /// When `posed_from_rest` is not [`Skeleton::frame_count`] long.
     pub fn posed_from_rest(&self, pose: &Pose, posed_from_rest: &mut [Affine3A]) {
-        assert_eq!(posed_from_rest.len(), self.joints.len(), "one transform per joint");
+        assert_eq!(posed_from_rest.len(), self.frame_count(), "one transform per frame");
         for (i, joint) in self.joints.iter().enumerate() {
             let rotation = pose.rotations[joint.bone as usize];
             let about_joint = Affine3A::from_translation(joint.rest_m)
@@ -131,6 +173,10 @@ impl Skeleton {
                 Some(parent) => posed_from_rest[usize::from(parent)] * about_joint,
                 None => Affine3A::from_translation(pose.hips_translation_m) * about_joint,
             };
+        }
+        let (joints, hung) = posed_from_rest.split_at_mut(self.joints.len());
+        for (transform, hanging) in hung.iter_mut().zip(&self.hanging) {
+            *transform = hanging.posed_from_rest(self, joints);
         }
     }
 }
