@@ -182,13 +182,21 @@ fn small_bounds() -> Vec<PoseBound> {
 
 /// Both drivers as one arm, with coefficients that are no interpolation of anything.
 fn small_rbf() -> Rbf {
-    let joint = |bone, parent, swing| ChainJoint { bone, parent, axis: DVec3::X, swing, twist: 0.25 };
+    let joint = |bone, parent, swing| ChainJoint {
+        bone,
+        parent,
+        is_carried: parent.is_some(),
+        axis: DVec3::X,
+        swing,
+        twist: 0.25,
+    };
     let coefficients = |scale: f64| (0..12).map(|i| scale * f64::from(i - 5)).collect();
     let layer = RbfLayer {
         groups: vec![Group {
             name: "leftArm".to_owned(),
             drivers: vec![0, 1],
             chain: vec![joint(Bone::LeftUpperArm, None, 1.0), joint(Bone::LeftLowerArm, Some(0), 0.5)],
+            mirror: None,
             own: coefficients(0.1),
             joint: coefficients(-0.05),
             centres: Vec::new(),
@@ -197,6 +205,7 @@ fn small_rbf() -> Rbf {
         joint_width: 0.75,
         reach: 2.0,
         ridge: 0.01,
+        mirror_ridge: 0.1,
     };
     Rbf { layers: vec![layer] }
 }

@@ -173,20 +173,31 @@ pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
         let targets = data.targets_of_layer(layer).count();
         let samples = data.targets_of_layer(layer).filter(|&target| target < data.sample_count()).count();
         let centres = n.below(4);
-        let of_layer = (0..data.drivers.len()).filter(|&driver| usize::from(data.drivers[driver].layer) == layer);
-        let groups = of_layer.map(|driver| {
+        let of_layer: Vec<usize> =
+            (0..data.drivers.len()).filter(|&driver| usize::from(data.drivers[driver].layer) == layer).collect();
+        let groups = of_layer.iter().map(|&driver| {
+            let mirror = of_layer.iter().position(|&other| BONES[other].0 == BONES[driver].0.mirrored());
+            let mirror = mirror.filter(|_| n.below(2) == 0);
             let mut coefficients = |count: usize| (0..count).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
             Group {
                 name: format!("group {driver}"),
                 drivers: vec![driver as u8],
-                chain: vec![ChainJoint { bone: BONES[driver].0, parent: None, axis: DVec3::X, swing: 1.0, twist: 0.5 }],
-                own: coefficients((samples + 1) * targets),
+                chain: vec![ChainJoint {
+                    bone: BONES[driver].0,
+                    parent: None,
+                    is_carried: false,
+                    axis: DVec3::X,
+                    swing: 1.0,
+                    twist: 0.5,
+                }],
+                mirror: mirror.map(|mirror| mirror as u8),
+                own: coefficients((samples + 1 + mirror.map_or(0, |_| samples)) * targets),
                 joint: coefficients((samples + 1) * targets),
                 corrective: coefficients(centres * (targets - samples)),
                 centres: (0..centres).map(|_| n.rotation()).collect(),
             }
         });
-        RbfLayer { groups: groups.collect(), joint_width: 1.0, reach: 2.0, ridge: 0.01 }
+        RbfLayer { groups: groups.collect(), joint_width: 1.0, reach: 2.0, ridge: 0.01, mirror_ridge: 0.1 }
     });
     let layers: Vec<_> = layers.collect();
     data.rbf = (!layers.is_empty()).then_some(Rbf { layers });

@@ -85,18 +85,27 @@ fn many_chains() -> GarmentData {
     data.targets = (0..TARGETS).map(target).collect();
     let driver = |i| Driver { name: format!("{i:x}"), joints: vec![Bone::Hips], threshold_rad: 1.0, layer: 0 };
     data.drivers = (0..limits::DRIVERS).map(driver).collect();
-    let chain = bones.iter().map(|&bone| ChainJoint { bone, parent: None, axis: DVec3::X, swing: 1.0, twist: 1.0 });
+    let chain = bones.iter().map(|&bone| ChainJoint {
+        bone,
+        parent: None,
+        is_carried: false,
+        axis: DVec3::X,
+        swing: 1.0,
+        twist: 1.0,
+    });
     let group = |i: usize| Group {
         name: format!("{i:x}"),
         drivers: vec![i as u8],
         chain: chain.clone().collect(),
+        mirror: None,
         own: vec![0.0; TARGETS * (TARGETS + 1)],
         joint: vec![0.0; TARGETS * (TARGETS + 1)],
         centres: Vec::new(),
         corrective: Vec::new(),
     };
     let groups = (0..limits::DRIVERS).map(group).collect();
-    data.rbf = Some(Rbf { layers: vec![RbfLayer { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6 }] });
+    data.rbf =
+        Some(Rbf { layers: vec![RbfLayer { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6, mirror_ridge: 1e-6 }] });
     data.certificate = None;
     data
 }

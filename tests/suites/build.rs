@@ -318,10 +318,10 @@ fn built_sample(place: &Place) -> (ir::Garment, Built) {
 #[test]
 fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
     let (garment, built) = built_sample(&Place::small());
-    let skeleton = &garment.body.skeleton;
+    let skeleton = &built.garment.data().skeleton;
     let weight = |vertex: usize, bones: &[Bone]| -> f64 {
         let skin = built.skin[vertex];
-        let counted = |joint: u8| bones.contains(&skeleton.joints()[usize::from(joint)].bone);
+        let counted = |joint: u8| bones.contains(&skeleton.bone(joint));
         let weights = skin.joints.into_iter().zip(skin.weights).filter(|&(joint, _)| counted(joint));
         weights.map(|(_, weight)| f64::from(weight) / 65535.0).sum()
     };

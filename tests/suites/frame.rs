@@ -175,6 +175,14 @@ fn slow_paper(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     of_samples.chain(std::iter::repeat_n(0.0, data.corrective_count)).collect()
 }
 
+/// Axis times angle of a rotation matrix, which fades to nothing at half a turn.
+fn rotation_vector(matrix: DMat3) -> DVec3 {
+    use std::f64::consts::PI;
+    let (axis, angle) = DQuat::from_mat3(&matrix).to_axis_angle();
+    let angle = if angle > PI { angle - 2.0 * PI } else { angle };
+    axis * angle * (1.0 - (angle / PI).powi(16))
+}
+
 /// The default kernel by its formulas, on matrices.
 fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let data = garment.data();
@@ -190,13 +198,15 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
         for joint in &group.chain {
             let rest = (DMat3::IDENTITY, DMat3::IDENTITY);
             let (mut input, mut other) = joint.parent.map_or(rest, |parent| turned[usize::from(parent)]);
-            input *= DMat3::from_quat(pose.rotation(joint.bone).as_dquat().normalize());
-            other *= DMat3::from_quat(sample(joint.bone).as_dquat().normalize());
+            let own = [pose.rotation(joint.bone), sample(joint.bone)];
+            let [own_input, own_other] = own.map(|rotation| DMat3::from_quat(rotation.as_dquat().normalize()));
+            (input, other) = (input * own_input, other * own_other);
             turned.push((input, other));
+            let compared = if joint.is_carried { [input, other] } else { [own_input, own_other] };
+            let [input, other] = compared.map(rotation_vector);
             let apart = input - other;
-            let squares: f64 = apart.to_cols_array().iter().map(|x| x * x).sum();
-            let along = (apart * joint.axis).length_squared();
-            sum += joint.swing * joint.swing * along + joint.twist * joint.twist * (squares - along);
+            let about = apart.dot(joint.axis);
+            sum += joint.swing.powi(2) * (apart.length_squared() - about * about) + (joint.twist * about).powi(2);
         }
         sum
     };
@@ -205,11 +215,29 @@ fn slow_rbf(garment: &Garment, pose: &Pose, driver: usize) -> Vec<f64> {
     let mut far = 1.0;
     let mut rates = vec![0.0; data.targets.len()];
     let (samples, correctives) = of_layer.split_at(of_layer.partition_point(|&target| target < data.sample_count()));
+    let bump = |own: f64| {
+        let t = (2.0 * own / layer.reach - 1.0).clamp(0.0, 1.0);
+        t.powi(3) * (t * (6.0 * t - 15.0) + 10.0)
+    };
+    if group.mirror.is_some() {
+        for (number, sample) in samples.iter().enumerate() {
+            // Mirrored at X = 0: turns about X stay, turns about the other axes change their sense.
+            let image = |bone: Bone| {
+                let (axis, angle) = of_row(bone.mirrored(), sample + 1).to_axis_angle();
+                Quat::from_axis_angle(Vec3::new(axis.x, -axis.y, -axis.z), angle)
+            };
+            let own = squared(group, &image).sqrt();
+            far *= bump(own);
+            for (place, &target) in of_layer.iter().enumerate() {
+                let row = 1 + samples.len() + number;
+                rates[target] += group.own[row * of_layer.len() + place] / (1.0 + own.powi(2)).sqrt();
+            }
+        }
+    }
     for (sample, row) in std::iter::once(0).chain(samples.iter().map(|t| t + 1)).enumerate() {
         let own = squared(group, &|bone| of_row(bone, row)).sqrt();
         let all = layer.groups.iter().map(|group| squared(group, &|bone| of_row(bone, row))).sum::<f64>().sqrt();
-        let t = (2.0 * own / layer.reach - 1.0).clamp(0.0, 1.0);
-        far *= t.powi(3) * (t * (6.0 * t - 15.0) + 10.0);
+        far *= bump(own);
         let phi = 1.0 / (1.0 + own.powi(2)).sqrt();
         let r = (all / layer.joint_width).min(1.0);
         let psi = (1.0 - r).powi(4) * (4.0 * r + 1.0);

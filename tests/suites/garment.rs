@@ -44,7 +44,7 @@ const BROKEN: &[(Change, &str)] = &[
         "source vertex 58 of vertex 2 is out of range or occurs twice",
     ),
     (|g| _ = g.skin.pop(), "there are 59 skin weights instead of 60"),
-    (|g| g.skin[7].joints[3] = 4, "vertex 7 is skinned to joint 4, which the skeleton lacks"),
+    (|g| g.skin[7].joints[3] = 5, "vertex 7 is skinned to joint 5, which the skeleton lacks"),
     (|g| g.skin[8].weights[3] = 1, "the skin weights of vertex 8 sum to 65536 instead of 65535"),
     (|g| g.drivers[1].joints.clear(), "the joints of driver 1 must be distinct bones of the pose table, at least one"),
     (
@@ -128,6 +128,10 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].drivers.push(2), "driver 2 of group 0 does not exist or is in two groups"),
     (|g| rbf(g).groups[0].drivers.push(1), "driver 1 of group 0 does not exist or is in two groups"),
     (|g| _ = rbf(g).groups[0].drivers.pop(), "driver 1 is in no group of the default kernel"),
+    (
+        |g| rbf(g).groups[0].mirror = Some(0),
+        "the mirror of group 0 must be a group of its layer with the same bones on the other side",
+    ),
     (|g| rbf(g).groups[0].chain.clear(), "there are 0 joints in a chain; 1 to 16 are possible"),
     (
         |g| rbf(g).groups[0].chain = vec![rbf(g).groups[0].chain[0]; limits::CHAIN + 1],

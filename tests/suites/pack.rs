@@ -92,11 +92,11 @@ fn sections_of_a_newer_minor_version_are_skipped() {
 fn other_major_versions_are_refused() {
     insta::assert_snapshot!(
         refusal(|container| (container.major, container.minor) = (layout::MAJOR + 1, 4)),
-        @"the pack is of format version 5.4, and this version of kitsuke reads version 4: update kitsuke"
+        @"the pack is of format version 6.4, and this version of kitsuke reads version 5: update kitsuke"
     );
     insta::assert_snapshot!(
         refusal(|container| container.major = 0),
-        @"the pack is of format version 0.0, and this version of kitsuke reads version 4: build the pack anew"
+        @"the pack is of format version 0.0, and this version of kitsuke reads version 5: build the pack anew"
     );
 }
 
@@ -105,7 +105,7 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(Pack::open(b"").unwrap_err(), @"this is not a kitsuke pack");
     insta::assert_snapshot!(Pack::open(b"PK\x03\x04 something else").unwrap_err(), @"this is not a kitsuke pack");
     insta::assert_snapshot!(
-        Pack::open(b"\x89kitsuke\x04\0\0\0").unwrap_err(),
+        Pack::open(b"\x89kitsuke\x05\0\0\0").unwrap_err(),
         @"the pack is damaged: it ends within the header"
     );
     insta::assert_snapshot!(refusal(|container| drop(container.sections.remove(2))), @"the pack has no section MESH");

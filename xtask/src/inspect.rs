@@ -178,8 +178,12 @@ fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
 
 fn kernel_text(rbf: &Rbf) -> String {
     let mut text = String::from("\nkernel\n");
-    for (number, RbfLayer { groups, joint_width, reach, ridge }) in rbf.layers.iter().enumerate() {
-        line!(text, "layer", "{number}: reach {reach:.3}, joint width {joint_width:.3}, ridge {ridge:.4}");
+    for (number, RbfLayer { groups, joint_width, reach, ridge, mirror_ridge }) in rbf.layers.iter().enumerate() {
+        line!(
+            text,
+            "layer",
+            "{number}: reach {reach:.3}, joint width {joint_width:.3}, ridge {ridge:.4}, mirrored {mirror_ridge:.3}"
+        );
         for group in groups {
             let joint = |joint: &ChainJoint| format!("{} {:.3}/{:.3}", joint.bone.name(), joint.swing, joint.twist);
             let joints: Vec<String> = group.chain.iter().map(joint).collect();

@@ -5,6 +5,7 @@
 use crate::stages::StageError;
 use crate::stages::correctives::without_correctives;
 use crate::stages::kernel;
+use crate::stages::mirror::{Shapes, shapes};
 use glam::{DQuat, DVec3, Vec3};
 use kitsuke::arrays::{GarmentData, Group, InvalidGarment, Rbf, RbfLayer};
 use kitsuke::pose_blend::{Kernel, rbf};
@@ -92,17 +93,21 @@ impl Method {
 /// When the default kernel cannot be solved without one of the rows.
 pub fn errors(garment: &Garment, method: Method) -> Result<Vec<Error>, StageError> {
     let garment = &Garment::new(without_correctives(garment.data())).map_err(invalid)?;
-    (0..garment.data().targets.len()).into_par_iter().map(|left_out| error_of(garment, method, left_out)).collect()
+    let data = garment.data();
+    let layers = data.rbf.iter().flat_map(|rbf| &rbf.layers).enumerate();
+    let shapes: Vec<Vec<Shapes>> =
+        layers.map(|(number, layer)| shapes(data, number, &kernel::limbs_and_scales(layer).0)).collect();
+    (0..data.targets.len()).into_par_iter().map(|left_out| error_of(garment, &shapes, method, left_out)).collect()
 }
 
 fn invalid(error: InvalidGarment) -> StageError {
     StageError::new("leave-one-out", error.to_string())
 }
 
-fn error_of(garment: &Garment, method: Method, left_out: usize) -> Result<Error, StageError> {
+fn error_of(garment: &Garment, shapes: &[Vec<Shapes>], method: Method, left_out: usize) -> Result<Error, StageError> {
     let data = garment.data();
     let pose = data.poses.pose(left_out + 1);
-    let rest = without(data, left_out)?;
+    let rest = without(data, shapes, left_out)?;
     let mut rates = Rates::new(rest.data());
     predict(&rest, method, &pose, &mut rates);
     let predicted_m = positions(&rest, &pose, &rates);
@@ -162,7 +167,7 @@ fn positions(garment: &Garment, pose: &Pose, rates: &Rates) -> Vec<Vec3> {
 }
 
 /// The garment without one target and its row; the default kernel keeps its scales.
-fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
+fn without(data: &GarmentData, shapes: &[Vec<Shapes>], target: usize) -> Result<Garment, StageError> {
     let mut rest = data.clone();
     rest.targets.remove(target);
     let bones = rest.poses.bones.len();
@@ -171,7 +176,10 @@ fn without(data: &GarmentData, target: usize) -> Result<Garment, StageError> {
     if let Some(rbf) = &data.rbf {
         let layer = |(number, layer): (usize, &RbfLayer)| {
             let (limbs, scales) = kernel::limbs_and_scales(layer);
-            kernel::interpolate(&rest, number, &limbs, &scales)
+            let place = rbf::rows_of_layer(data, number).iter().position(|&row| row == target + 1);
+            let without = |shapes: &Shapes| place.map_or_else(|| shapes.clone(), |place| shapes.without(place));
+            let shapes: Vec<Shapes> = shapes[number].iter().map(without).collect();
+            kernel::interpolate(&rest, number, &limbs, &shapes, &scales)
         };
         rest.rbf = Some(Rbf { layers: rbf.layers.iter().enumerate().map(layer).collect::<Result<_, _>>()? });
     }
@@ -188,6 +196,10 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
     }
     let data = garment.data();
     for (number, layer) in data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate()) {
+        // Ways that are not exact would move a layer that rests; that is not what is compared.
+        if layer.groups.iter().flat_map(bones).all(|bone| is_rest(rotation(pose, bone))) {
+            continue;
+        }
         let rows = rbf::rows_of_layer(data, number);
         let samples: Vec<Pose> = rows.iter().map(|&row| data.poses.pose(row)).collect();
         let mut set = |drivers: &[u8], weights: &[f64]| {
@@ -237,6 +249,10 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
 
 fn bones(group: &Group) -> Vec<Bone> {
     group.chain.iter().map(|joint| joint.bone).collect()
+}
+
+fn is_rest(rotation: DQuat) -> bool {
+    rotation.xyz().length() < 1e-6
 }
 
 fn rotation(pose: &Pose, bone: Bone) -> DQuat {

@@ -6,9 +6,9 @@
 //! of all poses are taken apart into few shapes (principal components). What a shape counts in a new pose is interpolated among
 //! those poses by the default kernel, and is 0 at every sample: there the artist's shape stays.
 
-use super::kernel;
 use super::laplacian::Neighbours;
 use super::posed_body::PosedBody;
+use super::{kernel, matrix};
 use crate::ir::Body;
 use crate::stages::StageError;
 use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
@@ -191,7 +191,7 @@ fn neighbours(garment: &Garment) -> Neighbours {
 }
 
 /// How much of each vertex some drivers own, 0 to 1.
-fn shares(segments: &[Segment], drivers: &[u8]) -> Vec<f32> {
+pub(super) fn shares(segments: &[Segment], drivers: &[u8]) -> Vec<f32> {
     let mut shares = Vec::new();
     for segment in segments {
         let width = segment.drivers.len();
@@ -320,7 +320,7 @@ fn components(pushes_m: &[Vec<Vec3>], owner: &[f32], settings: &Settings) -> Cor
     };
     let upper: Vec<Vec<f64>> =
         (0..count).into_par_iter().map(|i| (i..count).map(|j| product(i, j)).collect()).collect();
-    let components = kernel::principal(count, |i, j| upper[i.min(j)][i.max(j) - i.min(j)]);
+    let components = matrix::principal(count, |i, j| upper[i.min(j)][i.max(j) - i.min(j)]);
     let numbers = (count * moved.len()).max(1) as f64;
     let mut left: f64 = components.iter().map(|(value, _)| value.max(0.0)).sum();
     let mut chosen: Vec<&[f64]> = Vec::new();

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 pub(super) fn layers_of_limbs(drivers: &[ir::Driver], skeleton: &Skeleton) -> BTreeSet<u8> {
     let is_of_limbs = |layer: &u8| {
         let limbs = limbs(drivers, usize::from(*layer), skeleton);
-        limbs.iter().all(|limb| limb.chain.iter().filter(|link| link.parent.is_none()).count() <= 1)
+        limbs.iter().all(|limb| limb.roots() <= 1)
     };
     drivers.iter().map(|driver| driver.layer).filter(is_of_limbs).collect()
 }

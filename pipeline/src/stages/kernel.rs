@@ -4,8 +4,14 @@
 //!
 //! Every layer is fitted by itself. What matters is decided by leaving one sample out: every target's shape is predicted from the other samples, and
 //! the scales are chosen so that these predictions err least, measured on the cloth, not on the rates. Each trial costs
-//! only matrices as large as the number of samples, because the error of a blend is a quadratic form of its rates.
+//! only matrices as large as the number of samples, because the error of a blend is a quadratic form of its rates, and all predictions
+//! of a trial come out of one inverse.
+//!
+//! What one arm does is a sample of the other arm, too, mirrored and less believed. Its shape is written as a blend of the arm's own
+//! samples, as nearly as that can be (`mirror`), so that it costs a frame nothing but the comparison of poses.
 
+use super::matrix::Matrix;
+use super::mirror::{Shapes, shapes};
 use crate::ir;
 use crate::stages::StageError;
 use argmin::core::{CostFunction, Executor, State};
@@ -13,19 +19,23 @@ use argmin::solver::neldermead::NelderMead;
 use glam::{DVec3, Quat};
 use kitsuke::arrays::{ChainJoint, GarmentData, Group, Rbf, RbfLayer};
 use kitsuke::pose_blend::rbf::{
-    embed_rows, embed_samples, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance, wendland,
+    embed_mirrored, embed_rows, embed_samples, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance,
+    wendland,
 };
 use kitsuke::skeleton::{Bone, Skeleton};
+use std::collections::BTreeSet;
 
 /// Where the search for scales begins and may go.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Scale of the direction in which a bone points, at the start.
+    /// Scale of turns across a bone, at the start.
     pub swing: f64,
-    /// Scale of the turn about it, at the start.
+    /// Scale of turns about it, at the start.
     pub twist: f64,
-    /// Smallest and largest scale.
-    pub scales: (f64, f64),
+    /// Smallest and largest scale of turns across a bone.
+    pub swings: (f64, f64),
+    /// Smallest and largest scale of turns about it. Samples hardly twist, so that the search would let an unseen twist go far from them all.
+    pub twists: (f64, f64),
     /// Width of what is left over after an arm's own shape, at the start; relative to the same distances.
     pub joint_width: f64,
     /// Narrowest and widest.
@@ -34,6 +44,10 @@ pub struct Settings {
     pub ridge: f64,
     /// Smallest and largest ridge: below, coefficients that cancel cost digits; above, samples are averaged away.
     pub ridges: (f64, f64),
+    /// Ridge of mirrored samples, at the start.
+    pub mirror_ridge: f64,
+    /// Smallest and largest: at the one they are believed as the arm's own, at the other not at all.
+    pub mirror_ridges: (f64, f64),
     /// Trials of the search.
     pub trials: u64,
 }
@@ -41,14 +55,17 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         Settings {
-            swing: 0.4,
+            swing: 0.5,
             twist: 0.2,
-            scales: (0.02, 2.0),
+            swings: (0.02, 2.0),
+            twists: (0.02, 0.3),
             joint_width: 0.5,
             joint_widths: (0.3, 3.0),
             ridge: 3e-3,
             ridges: (1e-3, 1e-1),
-            trials: 1500,
+            mirror_ridge: 0.1,
+            mirror_ridges: (1e-2, 1e2),
+            trials: 800,
         }
     }
 }
@@ -62,6 +79,8 @@ pub struct Scales {
     pub joint_width: f64,
     /// Added to the diagonal of the limb's own system.
     pub ridge: f64,
+    /// The same for mirrored samples.
+    pub mirror_ridge: f64,
 }
 
 /// Drivers that blend together, before scales and coefficients are known: an arm, or both legs.
@@ -73,6 +92,16 @@ pub struct Limb {
     pub drivers: Vec<u8>,
     /// Their joints, each after the one that carries it.
     pub chain: Vec<Link>,
+    /// The other limb of the layer with the same bones on the other side.
+    pub mirror: Option<usize>,
+}
+
+impl Limb {
+    /// How many joints of the chain no other carries: limbs that cloth goes round.
+    #[must_use]
+    pub fn roots(&self) -> usize {
+        self.chain.iter().filter(|link| link.parent.is_none()).count()
+    }
 }
 
 /// A joint of a limb.
@@ -86,6 +115,8 @@ pub struct Link {
     pub parent: Option<u8>,
     /// How many joints of the chain carry it.
     pub depth: usize,
+    /// Whether it counts by how it is turned against the trunk, not against the joint that carries it.
+    pub is_carried: bool,
 }
 
 /// The limbs of a layer: the groups of the artist's drivers, in the order in which they first occur.
@@ -95,7 +126,12 @@ pub fn limbs(drivers: &[ir::Driver], layer: usize, skeleton: &Skeleton) -> Vec<L
     for (number, driver) in drivers.iter().enumerate().filter(|(_, driver)| usize::from(driver.layer) == layer) {
         match limbs.iter_mut().find(|limb| limb.name == driver.group) {
             Some(limb) => limb.drivers.push(number as u8),
-            None => limbs.push(Limb { name: driver.group.clone(), drivers: vec![number as u8], chain: Vec::new() }),
+            None => limbs.push(Limb {
+                name: driver.group.clone(),
+                drivers: vec![number as u8],
+                chain: Vec::new(),
+                mirror: None,
+            }),
         }
     }
     for limb in &mut limbs {
@@ -109,8 +145,25 @@ pub fn limbs(drivers: &[ir::Driver], layer: usize, skeleton: &Skeleton) -> Vec<L
             }
             let depth = parent.map_or(0, |parent| limb.chain[parent].depth + 1);
             let axis = direction(skeleton, joint.bone);
-            limb.chain.push(Link { bone: joint.bone, axis, parent: parent.map(|parent| parent as u8), depth });
+            limb.chain.push(Link {
+                bone: joint.bone,
+                axis,
+                parent: parent.map(|parent| parent as u8),
+                depth,
+                is_carried: false,
+            });
         }
+        // Cloth round two limbs, a skirt, feels where the shins point: raised thighs with upright shins leave the hem where it was. A sleeve
+        // feels the bend of the elbow, for it hangs upright by itself.
+        let is_round_limbs = limb.roots() > 1;
+        limb.chain.iter_mut().for_each(|link| link.is_carried = is_round_limbs);
+    }
+    let bones: Vec<BTreeSet<Bone>> =
+        limbs.iter().map(|limb| limb.chain.iter().map(|link| link.bone).collect()).collect();
+    for (limb, bones_of_limb) in limbs.iter_mut().zip(&bones) {
+        let other: BTreeSet<Bone> = bones_of_limb.iter().map(|bone| bone.mirrored()).collect();
+        // A pair of legs is its own other side; its mirrored samples were tried and tell it nothing.
+        limb.mirror = bones.iter().position(|bones| *bones == other).filter(|_| other != *bones_of_limb);
     }
     limbs
 }
@@ -126,12 +179,15 @@ pub fn limbs_and_scales(layer: &RbfLayer) -> (Vec<Limb>, Scales) {
             if depth == joints.len() {
                 joints.push([joint.swing, joint.twist]);
             }
-            chain.push(Link { bone: joint.bone, axis: joint.axis, parent: joint.parent, depth });
+            let ChainJoint { bone, axis, parent, is_carried, .. } = *joint;
+            chain.push(Link { bone, axis, parent, depth, is_carried });
         }
-        Limb { name: group.name.clone(), drivers: group.drivers.clone(), chain }
+        let mirror = group.mirror.map(usize::from);
+        Limb { name: group.name.clone(), drivers: group.drivers.clone(), chain, mirror }
     };
     let limbs = layer.groups.iter().map(limb).collect();
-    (limbs, Scales { joints, joint_width: layer.joint_width, ridge: layer.ridge })
+    let &RbfLayer { joint_width, ridge, mirror_ridge, .. } = layer;
+    (limbs, Scales { joints, joint_width, ridge, mirror_ridge })
 }
 
 /// The default kernel: for every layer scales by leave-one-out error, and coefficients that give every sample back.
@@ -141,8 +197,9 @@ pub fn limbs_and_scales(layer: &RbfLayer) -> (Vec<Limb>, Scales) {
 pub fn kernel(data: &GarmentData, drivers: &[ir::Driver], settings: &Settings) -> Result<Rbf, StageError> {
     let layer = |number: usize| {
         let limbs = limbs(drivers, number, &data.skeleton);
-        let scales = tune(data, number, &limbs, settings)?;
-        interpolate(data, number, &limbs, &scales)
+        let shapes = shapes(data, number, &limbs);
+        let scales = tune(data, number, &limbs, &shapes, settings)?;
+        interpolate(data, number, &limbs, &shapes, &scales)
     };
     Ok(Rbf { layers: (0..data.layer_count()).map(layer).collect::<Result<_, _>>()? })
 }
@@ -163,20 +220,27 @@ fn depths(limbs: &[Limb]) -> usize {
 }
 
 /// Chooses the scales of a layer by leave-one-out error.
-fn tune(data: &GarmentData, layer: usize, limbs: &[Limb], settings: &Settings) -> Result<Scales, StageError> {
+fn tune(
+    data: &GarmentData,
+    layer: usize,
+    limbs: &[Limb],
+    shapes: &[Shapes],
+    settings: &Settings,
+) -> Result<Scales, StageError> {
     let start = Scales {
         joints: vec![[settings.swing, settings.twist]; depths(limbs)],
         joint_width: settings.joint_width,
         ridge: settings.ridge,
+        mirror_ridge: settings.mirror_ridge,
     };
     let rows = rows_of_layer(data, layer);
     if rows.len() < 4 {
         // Too few samples to leave one out.
         return Ok(start);
     }
-    let products = limbs.iter().map(|limb| products(data, &rows, limb)).collect();
-    let search = Search { data, rows, limbs, settings, products };
     let first = to_logarithms(&start);
+    let blends = shapes.iter().map(|shapes| (0..rows.len()).map(|row| shapes.blends_without(row)).collect()).collect();
+    let search = Search { data, rows, limbs, settings, start: first.clone(), shapes, blends };
     let mut simplex = vec![first.clone()];
     for i in 0..first.len() {
         let mut corner = first.clone();
@@ -202,8 +266,11 @@ struct Search<'a> {
     rows: Vec<usize>,
     limbs: &'a [Limb],
     settings: &'a Settings,
-    /// Per limb the inner products of the samples' deltas, m².
-    products: Vec<Matrix>,
+    start: Vec<f64>,
+    /// Per limb.
+    shapes: &'a [Shapes],
+    /// Per limb and left-out row: [`Shapes::blends_without`].
+    blends: Vec<Vec<Vec<f64>>>,
 }
 
 impl CostFunction for Search<'_> {
@@ -215,79 +282,139 @@ impl CostFunction for Search<'_> {
     fn cost(&self, logarithms: &Vec<f64>) -> Result<f64, argmin::core::Error> {
         let scales = from_logarithms(logarithms, self.settings);
         let distances = Distances::new(self.data, &self.rows, self.limbs, &scales);
+        let samples = distances.samples;
+        let Some(joint) = distances.joint_system(&scales).inverse() else { return Ok(f64::INFINITY) };
         let mut sum = 0.0;
-        for left_out in 1..distances.samples {
-            let others: Vec<usize> = (0..distances.samples).filter(|&sample| sample != left_out).collect();
-            let rows = distances.rates(&others, left_out, &scales);
-            for (row, products) in rows.into_iter().zip(&self.products) {
-                let Some(row) = row else { return Ok(f64::INFINITY) };
-                let mut apart = vec![0.0; distances.samples];
-                others.iter().zip(row).for_each(|(&sample, rate)| apart[sample] = rate);
+        for (limb, (shapes, blends)) in self.shapes.iter().zip(&self.blends).enumerate() {
+            let Some(own) = distances.own_system(limb, &scales).inverse() else { return Ok(f64::INFINITY) };
+            for left_out in 1..samples {
+                let rates = rates_without(&own, &joint, samples, left_out, scales.ridge);
+                let (rates, mirrored) = rates.split_at(samples);
+                let mut apart = rates.to_vec();
+                for (rate, blend) in mirrored.iter().zip(blends[left_out].chunks_exact(samples)) {
+                    apart.iter_mut().zip(blend).for_each(|(apart, share)| *apart += rate * share);
+                }
                 apart[left_out] -= 1.0;
-                sum += products.quadratic_form(&apart).max(0.0).sqrt();
+                sum += shapes.own.quadratic_form(&apart).max(0.0).sqrt();
             }
         }
-        let count = (distances.samples - 1) * self.limbs.len();
-        let strayed: f64 = logarithms.iter().zip(self.start()).map(|(a, b)| (a - b) * (a - b)).sum();
+        let count = (samples - 1) * self.limbs.len();
+        let strayed: f64 = logarithms.iter().zip(&self.start).map(|(a, b)| (a - b) * (a - b)).sum();
         Ok(sum / count as f64 * (1.0 + 1e-4 * strayed))
     }
 }
 
-impl Search<'_> {
-    fn start(&self) -> Vec<f64> {
-        let joints = vec![[self.settings.swing, self.settings.twist]; depths(self.limbs)];
-        to_logarithms(&Scales { joints, joint_width: self.settings.joint_width, ridge: self.settings.ridge })
+/// What every row that a limb knows counts in the pose of a sample, had the layer been fitted without this sample and its mirror image:
+/// rows of the samples, then of the mirrored ones. `own` and `joint` are the inverses of the systems with it.
+///
+/// With C = (K + ridge)⁻¹ and B the rows left out, the rest predicts these rows with I - C_BB⁻¹ C_B (the formula of leave-one-out
+/// kriging, Dubrule 1983), and C without them is C - C_·B C_BB⁻¹ C_B·. The rates are those of [`interpolate`].
+fn rates_without(own: &Matrix, joint: &Matrix, samples: usize, left_out: usize, ridge: f64) -> Vec<f64> {
+    let mirrored = samples + left_out - 1;
+    let out = if mirrored < own.size { vec![left_out, mirrored] } else { vec![left_out] };
+    let inner = Matrix::new(out.len(), |i, j| own.at(out[i], out[j]));
+    let inverse = inner.inverse().expect("a part of a positive definite matrix is positive definite");
+    // What is left of the other samples, near them: ψ J⁻¹ ridge (K + ridge)⁻¹.
+    let near: Vec<f64> = (0..samples)
+        .map(|row| if row == left_out { 0.0 } else { -ridge * joint.at(left_out, row) / joint.at(left_out, left_out) })
+        .collect();
+    let mut rates = vec![0.0; own.size];
+    for (row, &near) in near.iter().enumerate().filter(|(_, near)| **near != 0.0) {
+        rates.iter_mut().zip(own.row(row)).for_each(|(rate, own)| *rate += near * own);
     }
+    let of_out: Vec<f64> = out.iter().map(|&row| rates[row]).collect();
+    for (place, &row) in out.iter().enumerate() {
+        let first: f64 = inverse.at(0, place);
+        let back: f64 = (0..out.len()).map(|i| of_out[i] * inverse.at(i, place)).sum();
+        rates.iter_mut().zip(own.row(row)).for_each(|(rate, own)| *rate -= (first + back) * own);
+    }
+    out.iter().for_each(|&row| rates[row] = 0.0);
+    rates
 }
 
 fn to_logarithms(scales: &Scales) -> Vec<f64> {
-    let scalars = scales.joints.iter().flatten().chain([&scales.joint_width, &scales.ridge]);
+    let scalars = scales.joints.iter().flatten().chain([&scales.joint_width, &scales.ridge, &scales.mirror_ridge]);
     scalars.map(|&scalar| libm::log(scalar)).collect()
 }
 
 fn from_logarithms(logarithms: &[f64], settings: &Settings) -> Scales {
-    let (joints, rest) = logarithms.split_at(logarithms.len() - 2);
+    let (joints, rest) = logarithms.split_at(logarithms.len() - 3);
     let within = |logarithm: f64, (least, most): (f64, f64)| libm::exp(logarithm).clamp(least, most);
     Scales {
-        joints: joints.as_chunks::<2>().0.iter().map(|pair| pair.map(|x| within(x, settings.scales))).collect(),
+        joints: joints
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .map(|&[swing, twist]| [within(swing, settings.swings), within(twist, settings.twists)])
+            .collect(),
         joint_width: within(rest[0], settings.joint_widths),
         ridge: within(rest[1], settings.ridges),
+        mirror_ridge: within(rest[2], settings.mirror_ridges),
     }
 }
 
-/// A layer's kernel with these scales: coefficients that give every sample back.
+/// A layer's kernel with these scales: coefficients that give every sample back. `shapes` are the layer's, limb by limb.
 ///
 /// # Errors
 /// When two samples are too near to each other to be told apart, naming them.
-pub fn interpolate(data: &GarmentData, layer: usize, limbs: &[Limb], scales: &Scales) -> Result<RbfLayer, StageError> {
+pub fn interpolate(
+    data: &GarmentData,
+    layer: usize,
+    limbs: &[Limb],
+    shapes: &[Shapes],
+    scales: &Scales,
+) -> Result<RbfLayer, StageError> {
     let rows = rows_of_layer(data, layer);
     let distances = Distances::new(data, &rows, limbs, scales);
-    let all: Vec<usize> = (0..distances.samples).collect();
+    let samples = distances.samples;
     let too_near = || {
         let (a, b) = distances.nearest_pair();
         let name = |sample: usize| if sample == 0 { "the base" } else { &data.targets[rows[sample] - 1].name };
         StageError::new("kernel", format!("the poses of {} and {} cannot be told apart", name(a), name(b)))
     };
-    let joint_inverse = distances.joint_system(&all, scales).inverse().ok_or_else(too_near)?;
+    let joint_inverse = distances.joint_system(scales).inverse().ok_or_else(too_near)?;
     let mut groups = Vec::new();
-    for (number, limb) in limbs.iter().enumerate() {
-        let own_inverse = distances.own_system(number, &all, scales).inverse().ok_or_else(too_near)?;
-        // What the limb's own shape K (K + ridge)⁻¹ leaves of each sample is I - K (K + ridge)⁻¹ = ridge (K + ridge)⁻¹.
-        let left = joint_inverse.times(&own_inverse);
-        let joint = Matrix::new(left.size, |i, j| scales.ridge * left.at(i, j));
+    for (number, (limb, shapes)) in limbs.iter().zip(shapes).enumerate() {
+        let inverse = distances.own_system(number, scales).inverse().ok_or_else(too_near)?;
+        // Every row as a blend of the samples: its own sample, or what comes nearest to a mirrored one.
+        let blends = shapes.blends_without(0);
+        let own: Vec<f64> = (0..inverse.size)
+            .flat_map(|row| {
+                let mut coefficients = inverse.row(row)[..samples].to_vec();
+                for (&share, blend) in inverse.row(row)[samples..].iter().zip(blends.chunks_exact(samples)) {
+                    coefficients.iter_mut().zip(blend).for_each(|(sum, blend)| *sum += share * blend);
+                }
+                coefficients
+            })
+            .collect();
+        // What the limb's own shape leaves of each sample is I - K C = ridge C on the samples' rows.
+        let joint: Vec<f64> = (0..samples)
+            .flat_map(|row| {
+                let mut coefficients = vec![0.0; samples];
+                for (&share, left) in joint_inverse.row(row).iter().zip(own.chunks_exact(samples)) {
+                    coefficients.iter_mut().zip(left).for_each(|(sum, left)| *sum += share * (scales.ridge * left));
+                }
+                coefficients
+            })
+            .collect();
+        let without_base = |coefficients: &[f64]| -> Vec<f64> {
+            coefficients.chunks_exact(samples).flat_map(|row| &row[1..]).copied().collect()
+        };
         groups.push(Group {
             name: limb.name.clone(),
             drivers: limb.drivers.clone(),
             chain: chain(limb, scales),
-            own: own_inverse.without_first_column(),
-            joint: joint.without_first_column(),
+            mirror: limb.mirror.map(|mirror| mirror as u8),
+            own: without_base(&own),
+            joint: without_base(&joint),
             centres: Vec::new(),
             corrective: Vec::new(),
         });
     }
     let limited: Vec<Bone> = data.pose_limits.iter().flat_map(|limit| limit.bones.iter().copied()).collect();
     let is_limited = limbs.iter().flat_map(|limb| &limb.chain).all(|link| limited.contains(&link.bone));
-    Ok(RbfLayer { groups, joint_width: scales.joint_width, reach: distances.reach(is_limited), ridge: scales.ridge })
+    let &Scales { joint_width, ridge, mirror_ridge, .. } = scales;
+    Ok(RbfLayer { groups, joint_width, reach: distances.reach(is_limited), ridge, mirror_ridge })
 }
 
 /// Makes the default kernel set the correctives' rates. For every group, layer by layer, `places` has poses between the samples
@@ -304,9 +431,8 @@ pub fn correct(data: &mut GarmentData, places: &[(Vec<Quat>, Vec<f32>)]) -> Resu
         let correctives = data.targets_of_layer(number).count() + 1 - rows.len();
         let (limbs, scales) = limbs_and_scales(layer);
         let distances = Distances::new(data, &rows, &limbs, &scales);
-        let all: Vec<usize> = (0..rows.len()).collect();
         let alike = || StageError::new("correctives", "two poses between the samples cannot be told apart");
-        let joint = distances.joint_system(&all, &scales).cholesky().ok_or_else(alike)?;
+        let joint = distances.joint_system(&scales).cholesky().ok_or_else(alike)?;
         let mut first = 0;
         for (group, (centres, rates)) in layer.groups.iter_mut().zip(&mut places) {
             let count = centres.len() / group.chain.len();
@@ -323,10 +449,9 @@ pub fn correct(data: &mut GarmentData, places: &[(Vec<Quat>, Vec<f32>)]) -> Resu
             // New columns; the old ones stay as they are.
             let width = rows.len() - 1 + correctives;
             for coefficients in [&mut group.own, &mut group.joint] {
-                let mut wider = vec![0.0; rows.len() * width];
-                for (wide, row) in
-                    wider.chunks_exact_mut(width.max(1)).zip(coefficients.chunks_exact(rows.len().max(2) - 1))
-                {
+                let narrow = coefficients.chunks_exact(rows.len().max(2) - 1);
+                let mut wider = vec![0.0; narrow.len().max(rows.len()) * width];
+                for (wide, row) in wider.chunks_exact_mut(width.max(1)).zip(narrow) {
                     wide[..row.len()].copy_from_slice(row);
                 }
                 *coefficients = wider;
@@ -359,56 +484,10 @@ pub fn correct(data: &mut GarmentData, places: &[(Vec<Quat>, Vec<f32>)]) -> Resu
 /// poses (1e-6: legs up to 80 mm outside in recorded motions instead of 36).
 const CORRECTIVE_RIDGE: f64 = 1e-3;
 
-/// Eigenvalues, the largest first, and unit eigenvectors of a symmetric matrix, by Jacobi's rotations.
-pub(super) fn principal(size: usize, at: impl Fn(usize, usize) -> f64) -> Vec<(f64, Vec<f64>)> {
-    let mut matrix = Matrix::new(size, at);
-    // Row k is the k-th eigenvector.
-    let mut vectors = Matrix::new(size, |i, j| if i == j { 1.0 } else { 0.0 });
-    let norm: f64 = matrix.rows.iter().map(|x| x * x).sum();
-    for _ in 0..30 {
-        let off: f64 = (0..size).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| matrix.at(i, j).powi(2)).sum();
-        if off <= 1e-24 * norm {
-            break;
-        }
-        for p in 0..size {
-            for q in p + 1..size {
-                rotate(&mut matrix, &mut vectors, p, q);
-            }
-        }
-    }
-    let mut found: Vec<(f64, Vec<f64>)> = (0..size).map(|i| (matrix.at(i, i), vectors.row(i).to_vec())).collect();
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found
-}
-
-/// Makes the entry (p, q) of a symmetric matrix 0.
-fn rotate(matrix: &mut Matrix, vectors: &mut Matrix, p: usize, q: usize) {
-    let apart = matrix.at(p, q);
-    if apart == 0.0 {
-        return;
-    }
-    let half = (matrix.at(q, q) - matrix.at(p, p)) / (2.0 * apart);
-    let tangent = half.signum() / (half.abs() + (half * half + 1.0).sqrt());
-    let cosine = 1.0 / (tangent * tangent + 1.0).sqrt();
-    let sine = tangent * cosine;
-    let size = matrix.size;
-    let turn = |rows: &mut [f64], a: usize, b: usize| {
-        let (x, y) = (rows[a], rows[b]);
-        (rows[a], rows[b]) = (cosine * x - sine * y, sine * x + cosine * y);
-    };
-    for k in 0..size {
-        turn(&mut matrix.rows, k * size + p, k * size + q);
-    }
-    for k in 0..size {
-        turn(&mut matrix.rows, p * size + k, q * size + k);
-        turn(&mut vectors.rows, p * size + k, q * size + k);
-    }
-}
-
 fn chain(limb: &Limb, scales: &Scales) -> Vec<ChainJoint> {
-    let joint = |&Link { bone, axis, parent, depth }: &Link| {
+    let joint = |&Link { bone, axis, parent, depth, is_carried }: &Link| {
         let [swing, twist] = scales.joints[depth];
-        ChainJoint { bone, parent, axis, swing, twist }
+        ChainJoint { bone, parent, is_carried, axis, swing, twist }
     };
     limb.chain.iter().map(joint).collect()
 }
@@ -416,7 +495,9 @@ fn chain(limb: &Limb, scales: &Scales) -> Vec<ChainJoint> {
 /// Squared distances of all samples, the base first.
 struct Distances {
     samples: usize,
+    /// Per limb, mirrored samples after the layer's own.
     own: Vec<Matrix>,
+    /// Over all limbs.
     summed: Matrix,
 }
 
@@ -428,38 +509,30 @@ impl Distances {
             .map(|limb| {
                 let chain = chain(limb, scales);
                 let length = embedding_length(&chain);
-                let embeddings = embed_samples(&chain, &data.poses, rows);
+                let mut embeddings = embed_samples(&chain, &data.poses, rows);
+                if limb.mirror.is_some() {
+                    embeddings.extend(embed_mirrored(&chain, &data.poses, rows));
+                }
                 let row = |i: usize| &embeddings[i * length..(i + 1) * length];
-                Matrix::new(samples, |i, j| squared_distance(row(i), row(j)))
+                Matrix::new(embeddings.len() / length, |i, j| squared_distance(row(i), row(j)))
             })
             .collect();
         let summed = Matrix::new(samples, |i, j| own.iter().map(|own| own.at(i, j)).sum());
         Distances { samples, own, summed }
     }
 
-    fn own_system(&self, limb: usize, rows: &[usize], scales: &Scales) -> Matrix {
-        let ridge = |i, j| if i == j { scales.ridge } else { 0.0 };
-        let own = &self.own[limb];
-        Matrix::new(rows.len(), |i, j| inverse_multiquadric(own.at(rows[i], rows[j])) + ridge(i, j))
-    }
-
-    fn joint_system(&self, rows: &[usize], scales: &Scales) -> Matrix {
-        Matrix::new(rows.len(), |i, j| wendland(self.summed.at(rows[i], rows[j]), scales.joint_width))
-    }
-
-    /// Per limb the rates of `rows` at the pose of `query`; `None` where the system is singular.
-    fn rates(&self, rows: &[usize], query: usize, scales: &Scales) -> Vec<Option<Vec<f64>>> {
-        let psi: Vec<f64> = rows.iter().map(|&row| wendland(self.summed.at(query, row), scales.joint_width)).collect();
-        let joint = self.joint_system(rows, scales).solve(&psi);
-        let limb = |(number, own): (usize, &Matrix)| {
-            let phi: Vec<f64> = rows.iter().map(|&row| inverse_multiquadric(own.at(query, row))).collect();
-            let system = self.own_system(number, rows, scales);
-            // As in `interpolate`: φ (K + ridge)⁻¹ + ψ J⁻¹ ridge (K + ridge)⁻¹ with symmetric J and K.
-            let joint = joint.as_ref()?;
-            let both: Vec<f64> = phi.iter().zip(joint).map(|(phi, joint)| phi + scales.ridge * joint).collect();
-            system.solve(&both)
+    fn own_system(&self, limb: usize, scales: &Scales) -> Matrix {
+        let ridge = |i, j| match (i == j, i < self.samples) {
+            (false, _) => 0.0,
+            (true, true) => scales.ridge,
+            (true, false) => scales.mirror_ridge,
         };
-        self.own.iter().enumerate().map(limb).collect()
+        let own = &self.own[limb];
+        Matrix::new(own.size, |i, j| inverse_multiquadric(own.at(i, j)) + ridge(i, j))
+    }
+
+    fn joint_system(&self, scales: &Scales) -> Matrix {
+        Matrix::new(self.samples, |i, j| wendland(self.summed.at(i, j), scales.joint_width))
     }
 
     fn nearest_pair(&self) -> (usize, usize) {
@@ -472,140 +545,18 @@ impl Distances {
     ///
     /// Limbs that are kept within what the samples reach are never far from them: there nothing fades.
     fn reach(&self, is_limited: bool) -> f64 {
+        let samples = 0..self.samples;
         if is_limited {
-            let apart = self.own.iter().flat_map(|own| &own.rows).copied();
+            let apart =
+                self.own.iter().flat_map(|own| samples.clone().flat_map(|a| &own.row(a)[..self.samples])).copied();
             return 2.0 * apart.filter(|&squared| squared > 1e-6).max_by(f64::total_cmp).unwrap_or(1.0).sqrt();
         }
         let apart = |own: &Matrix, a: usize| {
-            let others = (0..self.samples).map(|b| own.at(a, b)).filter(|&squared| squared > 1e-6);
+            let others = samples.clone().map(|b| own.at(a, b)).filter(|&squared| squared > 1e-6);
             others.min_by(f64::total_cmp)
         };
-        let widest = self.own.iter().flat_map(|own| (0..self.samples).filter_map(move |a| apart(own, a)));
+        let widest = self.own.iter().flat_map(|own| samples.clone().filter_map(move |a| apart(own, a)));
         1.4 * widest.max_by(f64::total_cmp).unwrap_or(1.0).sqrt()
-    }
-}
-
-/// Inner products of the samples' deltas over the cloth that a limb owns, m² per vertex of the garment.
-fn products(data: &GarmentData, rows: &[usize], limb: &Limb) -> Matrix {
-    let samples = rows.len();
-    let mut sums = vec![0.0f64; samples * samples];
-    let mut first_delta = vec![0usize; samples];
-    for (number, segment) in data.segments.iter().enumerate() {
-        let columns: Vec<usize> =
-            (0..segment.drivers.len()).filter(|&c| limb.drivers.contains(&segment.drivers[c])).collect();
-        let share = |v: usize| match segment.masks.chunks_exact(segment.drivers.len().max(1)).nth(v) {
-            Some(row) => columns.iter().map(|&c| f64::from(row[c])).sum::<f64>() / f64::from(u16::MAX),
-            None => {
-                if columns.is_empty() {
-                    0.0
-                } else {
-                    1.0
-                }
-            }
-        };
-        let count = segment.vertex_count as usize;
-        let shares: Vec<f64> = (0..count).map(share).collect();
-        let mut moving: Vec<(usize, f64, &[[i16; 3]])> = Vec::new();
-        for (sample, &row) in rows.iter().enumerate().skip(1) {
-            let target = &data.targets[row - 1];
-            if target.segments.contains(&(number as u16)) {
-                moving.push((sample, f64::from(target.step_m), &target.deltas[first_delta[sample]..][..count]));
-                first_delta[sample] += count;
-            }
-        }
-        for (at, &(i, step_i, a)) in moving.iter().enumerate() {
-            for &(j, step_j, b) in &moving[at..] {
-                let dot = |(a, b): (&[i16; 3], &[i16; 3])| -> i64 {
-                    a.iter().zip(b).map(|(&a, &b)| i64::from(a) * i64::from(b)).sum()
-                };
-                let sum: f64 = a.iter().zip(b).map(dot).zip(&shares).map(|(dot, share)| share * dot as f64).sum();
-                sums[i * samples + j] += sum * step_i * step_j;
-            }
-        }
-    }
-    let vertices = data.mesh.positions_m.len() as f64;
-    Matrix::new(samples, |i, j| sums[i.min(j) * samples + i.max(j)] / vertices)
-}
-
-/// A small square matrix. An own one, because the linear algebra libraries choose their kernels by the processor, and
-/// packs must be the same bytes on every machine.
-#[derive(Clone, Debug)]
-struct Matrix {
-    size: usize,
-    rows: Vec<f64>,
-}
-
-impl Matrix {
-    fn new(size: usize, at: impl Fn(usize, usize) -> f64) -> Matrix {
-        Matrix { size, rows: (0..size * size).map(|i| at(i / size, i % size)).collect() }
-    }
-
-    fn at(&self, i: usize, j: usize) -> f64 {
-        self.rows[i * self.size + j]
-    }
-
-    fn row(&self, i: usize) -> &[f64] {
-        &self.rows[i * self.size..(i + 1) * self.size]
-    }
-
-    fn times_vector(&self, x: &[f64]) -> Vec<f64> {
-        (0..self.size).map(|i| self.row(i).iter().zip(x).map(|(a, x)| a * x).sum()).collect()
-    }
-
-    fn times(&self, other: &Matrix) -> Matrix {
-        Matrix::new(self.size, |i, j| (0..self.size).map(|k| self.at(i, k) * other.at(k, j)).sum())
-    }
-
-    fn quadratic_form(&self, x: &[f64]) -> f64 {
-        self.times_vector(x).iter().zip(x).map(|(a, x)| a * x).sum()
-    }
-
-    fn without_first_column(&self) -> Vec<f64> {
-        (0..self.size).flat_map(|i| &self.row(i)[1..]).copied().collect()
-    }
-
-    /// The lower Cholesky factor, if the matrix is symmetric and positive definite.
-    fn cholesky(&self) -> Option<Matrix> {
-        let mut factor = Matrix { size: self.size, rows: vec![0.0; self.rows.len()] };
-        for i in 0..self.size {
-            for j in 0..=i {
-                let known: f64 = (0..j).map(|k| factor.at(i, k) * factor.at(j, k)).sum();
-                let left = self.at(i, j) - known;
-                factor.rows[i * self.size + j] = match i == j {
-                    // Far above rounding, far below what two poses a degree apart leave.
-                    true => (left > 1e-12).then(|| left.sqrt())?,
-                    false => left / factor.at(j, j),
-                };
-            }
-        }
-        Some(factor)
-    }
-
-    /// The solution of `self x = b`.
-    fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
-        Some(self.cholesky()?.solve_twice(b))
-    }
-
-    /// The solution of `L Lᵀ x = b` for this lower factor `L`.
-    fn solve_twice(&self, b: &[f64]) -> Vec<f64> {
-        let mut x = b.to_vec();
-        for i in 0..self.size {
-            let known: f64 = (0..i).map(|k| self.at(i, k) * x[k]).sum();
-            x[i] = (x[i] - known) / self.at(i, i);
-        }
-        for i in (0..self.size).rev() {
-            let known: f64 = (i + 1..self.size).map(|k| self.at(k, i) * x[k]).sum();
-            x[i] = (x[i] - known) / self.at(i, i);
-        }
-        x
-    }
-
-    /// The inverse of a symmetric positive definite matrix.
-    fn inverse(&self) -> Option<Matrix> {
-        let factor = self.cholesky()?;
-        let unit = |j: usize| (0..self.size).map(|i| if i == j { 1.0 } else { 0.0 }).collect::<Vec<_>>();
-        let columns: Vec<Vec<f64>> = (0..self.size).map(|j| factor.solve_twice(&unit(j))).collect();
-        Some(Matrix::new(self.size, |i, j| columns[j][i]))
     }
 }
 
@@ -615,20 +566,35 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        /// Against systems solved without the rows.
         #[test]
-        fn principal_axes_are_those_of_the_matrix(entries in prop::collection::vec(-1.0f64..1.0, 28)) {
-            // The lower triangle of a symmetric matrix of 7 rows.
-            let at = |i: usize, j: usize| entries[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
-            let found = principal(7, at);
-            prop_assert!(found.windows(2).all(|pair| pair[0].0 >= pair[1].0));
-            for (place, (value, vector)) in found.iter().enumerate() {
-                for i in 0..7 {
-                    let product: f64 = (0..7).map(|j| at(i, j) * vector[j]).sum();
-                    prop_assert!((product - value * vector[i]).abs() < 1e-9, "axis {place}");
-                }
-                for (_, other) in &found[..place] {
-                    prop_assert!(other.iter().zip(vector).map(|(a, b)| a * b).sum::<f64>().abs() < 1e-9);
-                }
+        fn leaving_out_is_what_solving_without_the_sample_gives(
+            places in prop::collection::vec(-2.0f64..2.0, 7),
+            left_out in 1usize..4,
+        ) {
+            // Four samples and three mirrored ones on a line.
+            let squared = |i: usize, j: usize| (places[i] - places[j]).powi(2);
+            let (ridge, mirror_ridge) = (0.01, 0.1);
+            let noise = |i: usize| if i < 4 { ridge } else { mirror_ridge };
+            let own = |i: usize, j: usize| inverse_multiquadric(squared(i, j)) + if i == j { noise(i) } else { 0.0 };
+            let joint = |i: usize, j: usize| wendland(squared(i, j), 1.0) + if i == j { 1e-3 } else { 0.0 };
+            let inverses = (Matrix::new(7, own).inverse().unwrap(), Matrix::new(4, joint).inverse().unwrap());
+            let found = rates_without(&inverses.0, &inverses.1, 4, left_out, ridge);
+
+            let kept: Vec<usize> = (0..7).filter(|&row| row != left_out && row != 4 + left_out - 1).collect();
+            let samples: Vec<usize> = kept.iter().copied().filter(|&row| row < 4).collect();
+            let inverse = Matrix::new(5, |i, j| own(kept[i], kept[j])).inverse().unwrap();
+            let near: Vec<f64> = samples.iter().map(|&row| wendland(squared(left_out, row), 1.0)).collect();
+            let near = Matrix::new(3, |i, j| joint(samples[i], samples[j])).solve(&near).unwrap();
+            let mut wanted = vec![0.0; 7];
+            for (j, &row) in kept.iter().enumerate() {
+                let phi: f64 =
+                    (0..5).map(|i| inverse_multiquadric(squared(left_out, kept[i])) * inverse.at(i, j)).sum();
+                let left: f64 = (0..3).map(|i| near[i] * ridge * inverse.at(i, j)).sum();
+                wanted[row] = phi + left;
+            }
+            for (row, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+                prop_assert!((found - wanted).abs() < 1e-6 * (1.0 + wanted.abs()), "row {row}: {found}, not {wanted}");
             }
         }
     }

@@ -9,6 +9,8 @@ pub mod fit_data;
 pub mod hanging;
 pub mod kernel;
 mod laplacian;
+mod matrix;
+pub mod mirror;
 pub(crate) mod numbers;
 pub(crate) mod posed_body;
 pub mod reach;

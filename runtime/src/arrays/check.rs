@@ -176,6 +176,9 @@ pub enum InvalidGarment {
     /// A driver is in no group.
     #[error("driver {0} is in no group of the default kernel")]
     Ungrouped(usize),
+    /// A group's mirror is no group of its layer, or has other bones than those of the other side.
+    #[error("the mirror of group {0} must be a group of its layer with the same bones on the other side")]
+    GroupMirror(usize),
     /// The chain of a group is no list of distinct bones of the pose table with unit axes and usable scales.
     #[error("the chain of group {0} must be distinct bones of the pose table, with unit axes and scales of 0 or more")]
     GroupChain(usize),
@@ -408,9 +411,9 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     let mut owned = vec![false; data.drivers.len()];
     let mut number = 0;
     let mut all_centres = 0;
-    for (layer, RbfLayer { groups, joint_width, reach, ridge }) in rbf.layers.iter().enumerate() {
+    for (layer, RbfLayer { groups, joint_width, reach, ridge, mirror_ridge }) in rbf.layers.iter().enumerate() {
         let usable = |width: &f64| *width > 1e-9 && *width <= limits::RBF_WIDTH;
-        if ![joint_width, reach, ridge].into_iter().all(usable) {
+        if ![joint_width, reach, ridge, mirror_ridge].into_iter().all(usable) {
             return Err(InvalidGarment::RbfWidth);
         }
         check_count("groups", groups.len(), 1, limits::DRIVERS)?;
@@ -428,7 +431,10 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             let centres = check_centres(group, number)?;
             all_centres += centres;
             check_count("poses between the samples", all_centres, 0, limits::CENTRES)?;
-            let lengths = [(samples + 1) * targets, (samples + 1) * targets, centres * (targets - samples)];
+            check_mirror(groups, group, number)?;
+            let mirrored = if group.mirror.is_some() { samples } else { 0 };
+            let rows = samples + 1;
+            let lengths = [(rows + mirrored) * targets, rows * targets, centres * (targets - samples)];
             for (coefficients, length) in [&group.own, &group.joint, &group.corrective].into_iter().zip(lengths) {
                 check_length("coefficients of a group", coefficients.len(), length)?;
                 if !coefficients.iter().all(|coefficient| coefficient.abs() <= limits::RBF_COEFFICIENT) {
@@ -442,6 +448,14 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
         Some(driver) => Err(InvalidGarment::Ungrouped(driver)),
         None => Ok(()),
     }
+}
+
+/// A group's mirror has the bones of the other side.
+fn check_mirror(groups: &[Group], group: &Group, number: usize) -> Result<(), InvalidGarment> {
+    let Some(mirror) = group.mirror else { return Ok(()) };
+    let bones = |group: &Group| -> BTreeSet<Bone> { group.chain.iter().map(|joint| joint.bone).collect() };
+    let of_other = groups.get(usize::from(mirror)).map(|group| bones(group).into_iter().map(Bone::mirrored).collect());
+    if of_other == Some(bones(group)) { Ok(()) } else { Err(InvalidGarment::GroupMirror(number)) }
 }
 
 /// How many poses between the samples a group has, whose chain is checked.

@@ -312,6 +312,8 @@ pub struct RbfLayer {
     pub reach: f64,
     /// Ridge with which `own` was solved, above 0: unused per frame, and needed to solve it anew without a sample.
     pub ridge: f64,
+    /// The ridge of mirrored samples, likewise: how much less they are believed.
+    pub mirror_ridge: f64,
 }
 
 /// Drivers that blend together, usually those of one arm.
@@ -323,9 +325,12 @@ pub struct Group {
     pub drivers: Vec<u8>,
     /// The joints that tell poses apart, from the trunk outward.
     pub chain: Vec<ChainJoint>,
-    /// Coefficients of φ: one row per sample of the layer (the base first), one column per target of the layer.
+    /// The group of the layer that has the same bones on the other side: its samples, mirrored, are further samples of this one.
+    pub mirror: Option<u8>,
+    /// Coefficients of φ: one row per sample of the layer (the base first), then one per mirrored sample where there is a
+    /// `mirror` (not the base, whose mirror image is the base); one column per target of the layer.
     pub own: Vec<f64>,
-    /// Coefficients of ψ, likewise.
+    /// Coefficients of ψ: one row per sample of the layer (the base first), the same columns.
     pub joint: Vec<f64>,
     /// Poses between the samples where cloth had to be pushed out of the body: rotations of the chain's joints, pose by pose.
     pub centres: Vec<Quat>,
@@ -340,10 +345,12 @@ pub struct ChainJoint {
     pub bone: Bone,
     /// The place in the chain, before this one, of the joint that carries it; `None`: the trunk does.
     pub parent: Option<u8>,
+    /// Whether the joint counts by how it is turned against the trunk: after all joints of the chain that carry it.
+    pub is_carried: bool,
     /// The bone's direction in the T-pose, unit length.
     pub axis: DVec3,
-    /// Scale of the direction in which the bone points; 0 or more.
+    /// Scale of turns across that direction; 0 or more.
     pub swing: f64,
-    /// Scale of the turn about that direction; 0 or more.
+    /// Scale of turns about that direction; 0 or more.
     pub twist: f64,
 }

@@ -48,7 +48,7 @@
 //! | `DRIV` | per driver: `text` name, `f32` threshold, `u8` layer, `u8` joint count, per joint: `bone`; the pose table: b `bone`; k - c + 1 rows of b times x, y, z, w as `f32`; `u8` pose limit count, per limit: `u8` joint count, per joint: `bone`, `f32` margin, `u16` bound count, per bound: 3 `f32` per joint normal, `f32` most |
 //! | `SEGS` | per segment: `u32` vertex count, `u8` driver count, per driver: `u8`, `flag` has masks; then per segment with masks and per driver of it: `column` of `u16`, one mask per vertex |
 //! | `TGTS` | per target: `text` name, `u8` layer, `f32` step, `u16` segment count, per segment: `u16`; then the deltas of all targets that have segments as fields (`field`) |
-//! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets, n of them correctives: `f64` joint width, reach and ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), 3 `f64` axis, `f64` swing, `f64` twist, (m - n + 1) m `f64` own and as many joint coefficients, `u32` poses between the samples, per pose and joint of the chain: x, y, z, w as `f32`, then n `f64` coefficients per pose |
+//! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets, n of them correctives: `f64` joint width, reach, ridge and mirror ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), `flag` is carried, 3 `f64` axis, `f64` swing, `f64` twist, `u8` mirror (255: none), (m - n + 1) m `f64` own coefficients (with a mirror (2 (m - n) + 1) m), (m - n + 1) m `f64` joint coefficients, `u32` poses between the samples, per pose and joint of the chain: x, y, z, w as `f32`, then n `f64` coefficients per pose |
 //! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k - c times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
@@ -517,38 +517,43 @@ pub(super) fn read_rbf(
 }
 
 fn read_rbf_layer(samples: usize, correctives: usize, from: &mut Reader<'_>) -> Result<RbfLayer, ContentProblem> {
-    let [joint_width, reach, ridge] = [from.f64()?, from.f64()?, from.f64()?];
-    let coefficients = (samples + 1) * (samples + correctives);
+    let [joint_width, reach, ridge, mirror_ridge] = [from.f64()?, from.f64()?, from.f64()?, from.f64()?];
+    let width = samples + correctives;
     let groups = (0..from.u8()?)
         .map(|_| {
             let name = from.text()?;
             let driver_count = usize::from(from.u8()?);
             let drivers = from.take(driver_count)?.to_vec();
             let chain: Vec<ChainJoint> = (0..from.u8()?).map(|_| read_chain_joint(from)).collect::<Result<_, _>>()?;
-            let own = from.f64s(coefficients)?;
-            let joint = from.f64s(coefficients)?;
+            let mirror = Some(from.u8()?).filter(|&mirror| mirror != NO_MIRROR);
+            let own = from.f64s((samples + 1 + mirror.map_or(0, |_| samples)) * width)?;
+            let joint = from.f64s((samples + 1) * width)?;
             let centre_count = from.count("poses between the samples", limits::CENTRES)?;
             let centres = (0..centre_count * chain.len()).map(|_| from.quat()).collect::<Result<_, _>>()?;
             let corrective = from.f64s(centre_count * correctives)?;
-            Ok(Group { name, drivers, chain, own, joint, centres, corrective })
+            Ok(Group { name, drivers, chain, mirror, own, joint, centres, corrective })
         })
         .collect::<Result<_, _>>()?;
-    Ok(RbfLayer { groups, joint_width, reach, ridge })
+    Ok(RbfLayer { groups, joint_width, reach, ridge, mirror_ridge })
 }
+
+/// The mirror of a group that has none.
+const NO_MIRROR: u8 = u8::MAX;
 
 fn read_chain_joint(from: &mut Reader<'_>) -> Result<ChainJoint, ContentProblem> {
     let bone = read_bone(from)?;
     let parent = Some(from.u8()?).filter(|&parent| parent != NO_PARENT);
+    let is_carried = from.flag()?;
     let axis = DVec3::new(from.f64()?, from.f64()?, from.f64()?);
-    Ok(ChainJoint { bone, parent, axis, swing: from.f64()?, twist: from.f64()? })
+    Ok(ChainJoint { bone, parent, is_carried, axis, swing: from.f64()?, twist: from.f64()? })
 }
 
 #[cfg(feature = "write")]
 pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
     to.flag(rbf.is_some());
     let Some(rbf) = rbf else { return };
-    for RbfLayer { groups, joint_width, reach, ridge } in &rbf.layers {
-        to.f64s(&[*joint_width, *reach, *ridge]);
+    for RbfLayer { groups, joint_width, reach, ridge, mirror_ridge } in &rbf.layers {
+        to.f64s(&[*joint_width, *reach, *ridge, *mirror_ridge]);
         to.u8(groups.len() as u8);
         for group in groups {
             to.text(&group.name);
@@ -558,9 +563,11 @@ pub(super) fn write_rbf(rbf: Option<&Rbf>, to: &mut Writer) {
             for joint in &group.chain {
                 to.u8(joint.bone as u8);
                 to.u8(joint.parent.unwrap_or(NO_PARENT));
+                to.flag(joint.is_carried);
                 to.f64s(&joint.axis.to_array());
                 to.f64s(&[joint.swing, joint.twist]);
             }
+            to.u8(group.mirror.unwrap_or(NO_MIRROR));
             to.f64s(&group.own);
             to.f64s(&group.joint);
             to.count(group.centres.len() / group.chain.len().max(1));

@@ -2,17 +2,17 @@
 //! everywhere. Knows rotations only, no vertex; the numbers it runs on are chosen by the pipeline.
 //!
 //! Every layer interpolates its own samples. Its drivers are taken in groups, an arm each, so that a sleeve which shoulder and elbow move together is not counted
-//! twice. A group *embeds* a pose: for every joint of its chain the rotation accumulated from the trunk turns
-//! the bone's axis and two directions across it, each scaled by how much it matters to the shape. Two poses are as far
-//! apart as their embeddings, a distance in a Euclidean space that is smooth also at half a turn and blind to the
-//! sign of quaternions. With D_g the distance in one group and D² the sum of D_g² over all groups,
+//! twice. A group *embeds* a pose: the rotation vector of every joint of its chain, local or from the trunk on, turns across the bone and
+//! turns about it each scaled by how much they matter to the shape. Two poses are as far apart as their embeddings. With D_g the distance in one group and D² the
+//! sum of D_g² over all groups,
 //!
 //! ```text
 //! rates_g = σ_g · ( φ(D_g) · own_g  +  ψ(D / joint_width) · joint_g )
 //! ```
 //!
 //! - φ(r) = 1/√(1 + r²), an inverse multiquadric: the shape of an arm from that arm's pose alone, with a ridge that
-//!   averages samples which share the arm's pose and yet differ;
+//!   averages samples which share the arm's pose and yet differ. The samples of the other arm, mirrored, are samples as well, with a
+//!   ridge of their own that believes them less;
 //! - ψ(r) = (1 − r)⁴ (4r + 1) below 1 (Wendland C²): what is left of each sample, near that sample in all groups, so
 //!   that every sample comes back exactly;
 //! - σ = 1 − Π (1 − bump(D_g / reach)) over the samples: 1 within half the reach of any sample, 0 beyond the reach of
@@ -24,10 +24,10 @@
 use super::Rates;
 use crate::arrays::{ChainJoint, GarmentData, Group, PoseTable, RbfLayer, limits};
 use crate::skeleton::{Bone, Pose};
-use glam::{DQuat, Quat};
+use glam::{DQuat, DVec3, Quat};
 
-/// Numbers per chain joint in an embedding: three directions.
-const PER_JOINT: usize = 9;
+/// Numbers per chain joint in an embedding: a rotation vector.
+const PER_JOINT: usize = 3;
 
 /// Length of the embeddings of a chain.
 #[must_use]
@@ -40,18 +40,29 @@ pub fn embedding_length(chain: &[ChainJoint]) -> usize {
 /// # Panics
 /// When `embedding` is not [`embedding_length`] long, or the chain longer than [`limits::CHAIN`].
 pub fn embed(chain: &[ChainJoint], rotation: impl Fn(Bone) -> DQuat, embedding: &mut [f64]) {
-    assert_eq!(embedding.len(), embedding_length(chain), "nine numbers per joint");
-    let mut accumulated = [DQuat::IDENTITY; limits::CHAIN];
+    assert_eq!(embedding.len(), embedding_length(chain), "three numbers per joint");
+    let mut carried = [DQuat::IDENTITY; limits::CHAIN];
     for (place, (joint, numbers)) in chain.iter().zip(embedding.chunks_exact_mut(PER_JOINT)).enumerate() {
-        let before = joint.parent.map_or(DQuat::IDENTITY, |parent| accumulated[usize::from(parent)]);
-        let turned = before * rotation(joint.bone);
-        accumulated[place] = turned;
-        let (across, other) = joint.axis.any_orthonormal_pair();
-        let directions = [(joint.axis, joint.swing), (across, joint.twist), (other, joint.twist)];
-        for ((direction, scale), numbers) in directions.into_iter().zip(numbers.chunks_exact_mut(3)) {
-            numbers.copy_from_slice(&(scale * (turned * direction)).to_array());
-        }
+        let own = rotation(joint.bone);
+        carried[place] = joint.parent.map_or(own, |parent| carried[usize::from(parent)] * own);
+        let turn = turn(if joint.is_carried { carried[place] } else { own });
+        let about = joint.axis * joint.axis.dot(turn);
+        numbers.copy_from_slice(&(joint.swing * (turn - about) + joint.twist * about).to_array());
     }
+}
+
+/// The rotation vector of a unit quaternion, radians: axis times angle θ, times 1 − (θ/π)¹⁶. The last factor is 0.95 or more up to 150
+/// degrees, where joints end, and takes the vector to 0 at half a turn, where its sign would jump.
+fn turn(rotation: DQuat) -> DVec3 {
+    let sine = rotation.xyz().length();
+    if sine < 1e-12 {
+        return DVec3::ZERO;
+    }
+    let angle_rad = 2.0 * libm::atan2(sine, rotation.w.abs());
+    let share = angle_rad / std::f64::consts::PI;
+    let squared = share * share;
+    let eighth = squared * squared * (squared * squared);
+    rotation.xyz() * (angle_rad * (1.0 - eighth * eighth) * rotation.w.signum() / sine)
 }
 
 /// Squared distance of two embeddings.
@@ -90,6 +101,7 @@ pub struct Samples {
 /// What a group compares poses with.
 #[derive(Clone, Debug, Default)]
 struct Embedded {
+    /// Those of the layer, then those of the other side.
     samples: Vec<f64>,
     centres: Vec<f64>,
 }
@@ -101,9 +113,12 @@ impl Samples {
         let layers = data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate());
         let of_layer = |(number, layer): (usize, &RbfLayer)| {
             let rows = rows_of_layer(data, number);
-            let embedded = |group: &Group| Embedded {
-                samples: embed_samples(&group.chain, &data.poses, &rows),
-                centres: embed_rows(&group.chain, &group.centres),
+            let embedded = |group: &Group| {
+                let mut samples = embed_samples(&group.chain, &data.poses, &rows);
+                if group.mirror.is_some() {
+                    samples.extend(embed_mirrored(&group.chain, &data.poses, &rows));
+                }
+                Embedded { samples, centres: embed_rows(&group.chain, &group.centres) }
             };
             layer.groups.iter().map(embedded).collect()
         };
@@ -133,15 +148,33 @@ pub fn embed_rows(chain: &[ChainJoint], rotations: &[Quat]) -> Vec<f64> {
 /// The embeddings of these rows of a pose table, one after the other. Joints that the table does not give are at rest.
 #[must_use]
 pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
+    embed_table(chain, poses, rows, |bone, of_row| of_row(bone))
+}
+
+/// The embeddings of these rows but the first, the base, as the other side does them: left for right, mirrored at the plane X = 0.
+#[must_use]
+pub fn embed_mirrored(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
+    embed_table(chain, poses, rows.get(1..).unwrap_or_default(), |bone, of_row| {
+        let q = of_row(bone.mirrored());
+        DQuat::from_xyzw(q.x, -q.y, -q.z, q.w)
+    })
+}
+
+fn embed_table(
+    chain: &[ChainJoint],
+    poses: &PoseTable,
+    rows: &[usize],
+    rotation: impl Fn(Bone, &dyn Fn(Bone) -> DQuat) -> DQuat,
+) -> Vec<f64> {
     let length = embedding_length(chain);
     let mut embeddings = vec![0.0; length * rows.len()];
     for (&row, embedding) in rows.iter().zip(embeddings.chunks_exact_mut(length.max(1))) {
         let sample = poses.row(row);
-        let rotation = |bone| match poses.bones.iter().position(|&listed| listed == bone) {
+        let of_row = |bone| match poses.bones.iter().position(|&listed| listed == bone) {
             Some(column) => sample[column].as_dquat().normalize(),
             None => DQuat::IDENTITY,
         };
-        embed(chain, rotation, embedding);
+        embed(chain, |bone| rotation(bone, &of_row), embedding);
     }
     embeddings
 }
@@ -149,15 +182,18 @@ pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) ->
 /// Working memory of [`rbf`], so that a frame allocates nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Work {
-    embedding: Vec<f64>,
-    /// Squared distance to every sample of the layer, group by group.
+    /// The embeddings of a layer's groups.
+    embeddings: Vec<f64>,
+    /// Squared distance to every sample that a group knows, group by group.
     squared_distances: Vec<f64>,
-    /// The same summed over the groups.
+    /// Squared distance to every sample of the layer, over all groups.
     summed: Vec<f64>,
     /// The rates of a layer's targets.
     row: Vec<f64>,
     /// Each layer's targets.
     targets: Vec<Vec<usize>>,
+    /// How many of them belong to a sample.
+    samples: Vec<usize>,
 }
 
 impl Work {
@@ -165,18 +201,27 @@ impl Work {
         let Some(rbf) = &data.rbf else { return Work::default() };
         let targets: Vec<Vec<usize>> =
             (0..rbf.layers.len()).map(|layer| data.targets_of_layer(layer).collect()).collect();
-        let targets_of_layer = targets.iter().map(Vec::len).max().unwrap_or(0);
-        let samples = (0..targets.len()).map(|layer| rows_of_layer(data, layer).len()).max().unwrap_or(0);
-        let groups = rbf.layers.iter().map(|layer| layer.groups.len()).max().unwrap_or(0);
-        let chains = rbf.layers.iter().flat_map(|layer| &layer.groups).map(|group| embedding_length(&group.chain));
+        let samples: Vec<usize> = (0..targets.len()).map(|layer| data.samples_of_layer(layer).count()).collect();
+        let most = |count: &dyn Fn(usize) -> usize| (0..targets.len()).map(count).max().unwrap_or(0);
+        let of_groups =
+            |layer: usize, count: &dyn Fn(&Group) -> usize| rbf.layers[layer].groups.iter().map(count).sum::<usize>();
         Work {
-            embedding: vec![0.0; chains.max().unwrap_or(0)],
-            squared_distances: vec![0.0; samples * groups],
-            summed: vec![0.0; samples],
-            row: vec![0.0; targets_of_layer],
+            embeddings: vec![0.0; most(&|layer| of_groups(layer, &|group| embedding_length(&group.chain)))],
+            squared_distances: vec![
+                0.0;
+                most(&|layer| of_groups(layer, &|group| rows_of_group(group, samples[layer])))
+            ],
+            summed: vec![0.0; most(&|layer| samples[layer] + 1)],
+            row: vec![0.0; most(&|layer| targets[layer].len())],
             targets,
+            samples,
         }
     }
+}
+
+/// How many samples a group knows: those of the layer and the base, then those of the other side.
+fn rows_of_group(group: &Group, samples: usize) -> usize {
+    1 + samples + if group.mirror.is_some() { samples } else { 0 }
 }
 
 /// The default kernel, layer by layer. Rates of a garment that was built without one are all 0.
@@ -185,7 +230,7 @@ impl Work {
 ///
 /// # Panics
 /// When `rates` was made for a garment of another shape.
-pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates) {
+pub fn rbf(data: &GarmentData, samples_of: &Samples, pose: &Pose, rates: &mut Rates) {
     rates.assert_fits(data);
     rates.clear();
     let Some(rbf) = &data.rbf else { return };
@@ -195,44 +240,47 @@ pub fn rbf(data: &GarmentData, samples: &Samples, pose: &Pose, rates: &mut Rates
         if length > 1e-6 && length.is_finite() { rotation / length } else { DQuat::IDENTITY }
     };
     let all = data.targets.len();
-    for (number, (layer, samples)) in rbf.layers.iter().zip(&samples.layers).enumerate() {
-        let Work { embedding, squared_distances, summed, row, targets } = &mut rates.work;
-        let targets = targets[number].as_slice();
-        let correctives = targets.iter().filter(|&&target| target >= data.sample_count()).count();
-        let rows = targets.len() - correctives + 1;
-        let (summed, row) = (&mut summed[..rows], &mut row[..targets.len()]);
+    let Work { embeddings, squared_distances, summed, row, targets, samples } = &mut rates.work;
+    for (number, (layer, embedded)) in rbf.layers.iter().zip(&samples_of.layers).enumerate() {
+        let (targets, samples) = (targets[number].as_slice(), samples[number]);
+        let (summed, row) = (&mut summed[..=samples], &mut row[..targets.len()]);
 
         summed.fill(0.0);
-        let own_distances = squared_distances.chunks_exact_mut(rows);
-        for ((group, embedded), own) in layer.groups.iter().zip(samples).zip(own_distances) {
-            let embedding = &mut embedding[..embedding_length(&group.chain)];
+        let (mut embedding_rest, mut own_rest) = (embeddings.as_mut_slice(), squared_distances.as_mut_slice());
+        for (group, embedded) in layer.groups.iter().zip(embedded) {
+            let embedding;
+            (embedding, embedding_rest) = embedding_rest.split_at_mut(embedding_length(&group.chain));
             embed(&group.chain, rotation, embedding);
-            let samples = embedded.samples.chunks_exact(embedding.len());
-            for ((sample, own), summed) in samples.zip(own).zip(summed.iter_mut()) {
+            let own;
+            (own, own_rest) = own_rest.split_at_mut(rows_of_group(group, samples));
+            for (own, sample) in own.iter_mut().zip(embedded.samples.chunks_exact(embedding.len())) {
                 *own = squared_distance(embedding, sample);
-                *summed += *own;
             }
+            summed.iter_mut().zip(&*own).for_each(|(summed, own)| *summed += own);
         }
 
-        for ((group, embedded), own) in layer.groups.iter().zip(samples).zip(squared_distances.chunks_exact(rows)) {
+        let (mut embedding_rest, mut own_rest) = (embeddings.as_slice(), squared_distances.as_slice());
+        for (group, embedded) in layer.groups.iter().zip(embedded) {
+            let embedding;
+            (embedding, embedding_rest) = embedding_rest.split_at(embedding_length(&group.chain));
+            let own;
+            (own, own_rest) = own_rest.split_at(rows_of_group(group, samples));
             row.fill(0.0);
             let far = own.iter().map(|&own| 1.0 - bump(own, layer.reach)).product::<f64>();
             let kept = 1.0 - far;
             if kept > 0.0 {
                 let width = targets.len().max(1);
-                let coefficients = group.own.chunks_exact(width).zip(group.joint.chunks_exact(width));
-                for ((&own, &summed), (own_row, joint_row)) in own.iter().zip(summed.iter()).zip(coefficients) {
-                    accumulate(row, kept * inverse_multiquadric(own), own_row);
-                    accumulate(row, kept * wendland(summed, layer.joint_width), joint_row);
+                for (&own, coefficients) in own.iter().zip(group.own.chunks_exact(width)) {
+                    accumulate(row, kept * inverse_multiquadric(own), coefficients);
                 }
-                if correctives > 0 {
-                    let embedding = &mut embedding[..embedding_length(&group.chain)];
-                    embed(&group.chain, rotation, embedding);
-                    let centres = embedded.centres.chunks_exact(embedding.len());
-                    for (centre, coefficients) in centres.zip(group.corrective.chunks_exact(correctives)) {
-                        let near = inverse_multiquadric(squared_distance(embedding, centre));
-                        accumulate(&mut row[rows - 1..], kept * near, coefficients);
-                    }
+                for (&summed, coefficients) in summed.iter().zip(group.joint.chunks_exact(width)) {
+                    accumulate(row, kept * wendland(summed, layer.joint_width), coefficients);
+                }
+                let correctives = &mut row[samples..];
+                let centres = embedded.centres.chunks_exact(embedding.len());
+                for (centre, coefficients) in centres.zip(group.corrective.chunks_exact(correctives.len().max(1))) {
+                    let near = inverse_multiquadric(squared_distance(embedding, centre));
+                    accumulate(correctives, kept * near, coefficients);
                 }
             }
             for &driver in &group.drivers {

@@ -103,6 +103,16 @@ impl Bone {
     pub fn from_index(index: u8) -> Option<Bone> {
         Bone::ALL.get(usize::from(index)).copied()
     }
+
+    /// The same bone of the other side; a bone in the middle is its own.
+    #[must_use]
+    pub fn mirrored(self) -> Bone {
+        let other = |side: &str, other: &str| {
+            let rest = self.name().strip_prefix(side)?;
+            Bone::ALL.into_iter().find(|bone| bone.name().strip_prefix(other) == Some(rest))
+        };
+        other("left", "right").or_else(|| other("right", "left")).unwrap_or(self)
+    }
 }
 
 #[cfg(test)]
@@ -115,9 +125,12 @@ mod tests {
             assert_eq!(bone as usize, i);
             assert_eq!(Bone::from_name(bone.name()), Some(bone));
             assert_eq!(Bone::from_index(i as u8), Some(bone));
+            assert_eq!(bone.mirrored().mirrored(), bone);
             assert!(bone.vrm_parent().is_none_or(|parent| parent < bone), "{} before its parent", bone.name());
         }
         assert_eq!(Bone::COUNT, 55, "VRM 1.0 names 55 bones");
         assert_eq!(Bone::from_name("LeftArm"), None);
+        assert_eq!(Bone::LeftRingDistal.mirrored(), Bone::RightRingDistal);
+        assert_eq!(Bone::Chest.mirrored(), Bone::Chest);
     }
 }
