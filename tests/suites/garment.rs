@@ -45,7 +45,7 @@ const BROKEN: &[(Change, &str)] = &[
     ),
     (|g| _ = g.skin.pop(), "there are 59 skin weights instead of 60"),
     (|g| g.skin[7].joints[3] = 5, "vertex 7 is skinned to joint 5, which the skeleton lacks"),
-    (|g| g.skin[8].weights[3] = 1, "the skin weights of vertex 8 sum to 65536 instead of 65535"),
+    (|g| g.skin[8].weights[0] += 1, "the skin weights of vertex 8 sum to 65536 instead of 65535"),
     (|g| g.drivers[1].joints.clear(), "the joints of driver 1 must be distinct bones of the pose table, at least one"),
     (
         |g| g.drivers[1].joints = vec![Bone::LeftLowerArm; 2],

@@ -111,7 +111,7 @@ fn faulty_containers_are_refused() {
     insta::assert_snapshot!(refusal(|container| drop(container.sections.remove(2))), @"the pack has no section MESH");
     insta::assert_snapshot!(
         refusal(|container| container.sections.push(container.sections[1].clone())),
-        @"section SKEL, byte 3384 of the pack: it occurs twice"
+        @"section SKEL, byte 3400 of the pack: it occurs twice"
     );
     insta::assert_snapshot!(
         refusal(|container| container.sections[2].encoding = 9),
@@ -135,7 +135,7 @@ fn faulty_containers_are_refused() {
             container.section(b"SKEL").stored.push(0);
             container.section(b"SKEL").decoded_length += 1;
         }),
-        @"section SKEL, byte 57 of its content: bytes left over: 1"
+        @"section SKEL, byte 61 of its content: bytes left over: 1"
     );
     insta::assert_snapshot!(
         refusal(|container| {

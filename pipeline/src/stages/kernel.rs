@@ -300,7 +300,7 @@ impl CostFunction for Search<'_> {
         }
         let count = (samples - 1) * self.limbs.len();
         let strayed: f64 = logarithms.iter().zip(&self.start).map(|(a, b)| (a - b) * (a - b)).sum();
-        Ok(sum / count as f64 * (1.0 + 1e-4 * strayed))
+        Ok(sum / count as f64 * (1.0 + 3e-3 * strayed))
     }
 }
 

@@ -9,6 +9,7 @@
 
 use super::deltas::{self, pose_of};
 use super::hanging::layers_of_limbs;
+use super::kernel::{Limb, limbs};
 use super::laplacian::Neighbours;
 use super::weights::shares;
 use crate::ir::{self, TargetShape};
@@ -16,6 +17,7 @@ use glam::{Affine3A, DAffine3, DVec3};
 use kitsuke::arrays::SkinWeights;
 use kitsuke::skeleton::Skeleton;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Counts up whenever the same input gives other weights.
 pub const VERSION: u32 = 2;
@@ -83,6 +85,15 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
             candidates.iter().map(of_class).collect()
         })
         .collect();
+    // A sleeve may follow its own arm and the trunk; what the other arm happens to do in the samples is no reason to follow it.
+    let limb_of = limb_of(source, &layers);
+    let allowed: Vec<Vec<bool>> = first
+        .iter()
+        .map(|skin| {
+            let own: BTreeSet<usize> = weights_of(skin).filter_map(|(joint, _)| limb_of[joint]).collect();
+            candidates.iter().map(|&frame| limb_of[frame].is_none_or(|limb| own.contains(&limb))).collect()
+        })
+        .collect();
     let neighbours = Neighbours::new(&base.positions_m, &base.triangles);
     let mut weights = start.clone();
     for _ in 0..settings.rounds {
@@ -96,7 +107,7 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
                 let wanted: Vec<f64> = (0..candidates.len())
                     .map(|c| (settings.hold_m2 * start[v][c] + smooth * mean(c)) / (settings.hold_m2 + smooth))
                     .collect();
-                systems[v].solve(&weights[v], &wanted, settings.hold_m2 + smooth)
+                systems[v].solve(&weights[v], &allowed[v], &wanted, settings.hold_m2 + smooth)
             })
             .collect();
     }
@@ -121,6 +132,21 @@ pub fn fitted(source: &ir::Garment, first: &[SkinWeights], settings: &Settings) 
         if is_crushed { *first } else { skin }
     };
     weights.par_iter().zip(first).map(kept).collect()
+}
+
+/// For each frame the limb that moves it, among those of these layers: their joints, what those carry, and what hangs from them.
+fn limb_of(source: &ir::Garment, layers: &BTreeSet<u8>) -> Vec<Option<usize>> {
+    let skeleton = &source.body.skeleton;
+    let limbs: Vec<Limb> =
+        layers.iter().flat_map(|&layer| limbs(&source.drivers, usize::from(layer), skeleton)).collect();
+    let of_bone = |bone| limbs.iter().position(|limb| limb.chain.iter().any(|link| link.bone == bone));
+    let mut limb_of: Vec<Option<usize>> = Vec::new();
+    for joint in skeleton.joints() {
+        let above = joint.parent.and_then(|parent| limb_of[usize::from(parent)]);
+        limb_of.push(of_bone(joint.bone).or(above));
+    }
+    limb_of.extend(skeleton.hanging().iter().map(|hanging| of_bone(skeleton.bone(hanging.joint))));
+    limb_of
 }
 
 /// For each frame the topmost one that does the same in every sample: they cannot be told apart.
@@ -192,9 +218,9 @@ impl System {
         }
     }
 
-    /// The convex weights that are best together with a pull towards `wanted`, from `start`: pair after pair of weights is exchanged, the
-    /// pair first that gains most.
-    fn solve(&self, start: &[f64], wanted: &[f64], pull: f64) -> Vec<f64> {
+    /// The convex weights of allowed frames that are best together with a pull towards `wanted`, from `start`: pair after pair of weights is
+    /// exchanged, the pair first that gains most.
+    fn solve(&self, start: &[f64], allowed: &[bool], wanted: &[f64], pull: f64) -> Vec<f64> {
         let size = start.len();
         let mut weights = start.to_vec();
         let mut slope: Vec<f64> = (0..size)
@@ -204,7 +230,8 @@ impl System {
             })
             .collect();
         for _ in 0..4 * size {
-            let to = (0..size).min_by(|&a, &b| slope[a].total_cmp(&slope[b])).expect("there are joints");
+            let free = (0..size).filter(|&i| allowed[i]);
+            let to = free.min_by(|&a, &b| slope[a].total_cmp(&slope[b])).expect("start uses allowed frames");
             let used = (0..size).filter(|&i| weights[i] > 0.0);
             let from = used.max_by(|&a, &b| slope[a].total_cmp(&slope[b])).expect("weights sum to one");
             let gain = slope[from] - slope[to];
