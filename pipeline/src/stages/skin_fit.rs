@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Counts up whenever the same input gives other weights.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// How closely weights follow the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
