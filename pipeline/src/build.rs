@@ -215,20 +215,19 @@ fn from_numbers(numbers: &[f32]) -> PoseBound {
 
 /// What each remembered stage is made from. An input that is missing here would make a stale pack.
 mod keys {
-    use super::{Key, SkinWeights, audit, correctives, deltas, ir, reach, regions, skin, skin_fit, to_words, weld};
+    use super::{Key, SkinWeights, correctives, ir, reach, regions, skin, skin_fit, to_words, weld};
     use glam::Vec3;
     use kitsuke::arrays::{GarmentData, PoseTable};
     use kitsuke::skeleton::{Bone, Skeleton};
 
     pub fn skin(base: &ir::Surface, body: &ir::Body, skirt_top_m: f32, settings: &skin::Settings) -> Key {
-        let key = Key::new("skin", skin::VERSION).text(&format!("{settings:?} {skirt_top_m:?}"));
+        let key = Key::new("skin").text(&format!("{settings:?} {skirt_top_m:?}"));
         surface(wearer(key, body), base)
     }
 
     pub fn skin_fit(source: &ir::Garment, first: &[SkinWeights], settings: &skin_fit::Settings) -> Key {
         let words: Vec<[u16; 8]> = first.iter().copied().map(to_words).collect();
-        let key =
-            Key::new("skin fit", skin_fit::VERSION).text(&format!("{settings:?} {:?}", source.drivers)).array(&words);
+        let key = Key::new("skin fit").text(&format!("{settings:?} {:?}", source.drivers)).array(&words);
         let key = bones(surface(skeleton(key, &source.body.skeleton), &source.base), &source.pose_bones);
         source
             .targets
@@ -244,12 +243,12 @@ mod keys {
         target: &ir::TargetShape,
     ) -> Key {
         let words: Vec<[u16; 8]> = skin.iter().copied().map(to_words).collect();
-        let key = skeleton(Key::new("deltas", deltas::VERSION), body).array(&base.positions_m).array(&words);
+        let key = skeleton(Key::new("deltas"), body).array(&base.positions_m).array(&words);
         bones(key, pose_bones).array(&target.rotations).array(&target.positions_m)
     }
 
     pub fn regions(source: &ir::Garment, deltas: &[Vec<Vec3>], settings: &regions::Settings) -> Key {
-        let key = Key::new("regions", regions::VERSION).text(&format!("{settings:?}"));
+        let key = Key::new("regions").text(&format!("{settings:?}"));
         let mut key = bones(surface(key, &source.base), &source.pose_bones);
         for driver in &source.drivers {
             key = bones(key.text("driver").array(&[driver.layer]), &driver.joints);
@@ -264,12 +263,12 @@ mod keys {
     }
 
     pub fn reach(limited: &[Bone], poses: &PoseTable, settings: &reach::Settings) -> Key {
-        let key = bones(Key::new("reach", reach::VERSION).text(&format!("{settings:?}")), limited);
+        let key = bones(Key::new("reach").text(&format!("{settings:?}")), limited);
         bones(key, &poses.bones).array(&poses.rotations)
     }
 
     pub fn correctives(data: &GarmentData, body: &ir::Body, settings: &correctives::Settings) -> Key {
-        let key = wearer(Key::new("correctives", correctives::VERSION).text(&format!("{settings:?}")), body);
+        let key = wearer(Key::new("correctives").text(&format!("{settings:?}")), body);
         let key = key.array(&data.mesh.positions_m).array(&data.mesh.triangles).array(&data.mesh.twin_of);
         let words: Vec<[u16; 8]> = data.skin.iter().copied().map(to_words).collect();
         let key = bones(key.array(&words), &data.poses.bones).array(&data.poses.rotations);
@@ -284,14 +283,13 @@ mod keys {
     }
 
     pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {
-        let key =
-            surface(Key::new("weld", weld::VERSION).text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
+        let key = surface(Key::new("weld").text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
         let counts: Vec<u32> = base.parts.iter().map(|part| part.triangle_count).collect();
         sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
     }
 
     pub fn audit(pack: &[u8], body: &ir::Body) -> Key {
-        wearer(Key::new("audit", audit::VERSION), body).array(pack)
+        wearer(Key::new("audit"), body).array(pack)
     }
 
     fn wearer(key: Key, body: &ir::Body) -> Key {

@@ -11,14 +11,14 @@ use tempfile::{NamedTempFile, TempPath};
 /// Bytes of entries that a cache folder keeps; the oldest go first.
 const KEPT_BYTES: u64 = 1 << 30;
 
-/// What a result was made from: stage, version of the stage, settings and every input.
+/// What a result was made from: stage, the code of all stages, settings and every input.
 pub struct Key(blake3::Hasher);
 
 impl Key {
     /// The key of a stage, to which its inputs are added in order.
     #[must_use]
-    pub fn new(stage: &str, version: u32) -> Key {
-        Key(blake3::Hasher::new()).text(stage).array(&[version])
+    pub fn new(stage: &str) -> Key {
+        Key(blake3::Hasher::new()).text(env!("KITSUKE_STAGES")).text(stage)
     }
 
     /// Adds an array.
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     fn recall(memo: &Memo, input: u32) -> (Vec<u32>, Origin) {
-        let key = Key::new("double", 1).text("settings").array(&[input]);
+        let key = Key::new("double").text("settings").array(&[input]);
         memo.recall(&key, || Ok::<_, ()>(vec![2 * input; 3])).unwrap()
     }
 
@@ -167,8 +167,8 @@ mod tests {
     fn arrays_of_a_key_do_not_run_into_each_other() {
         let hash = |key: Key| key.0.finalize();
         assert_ne!(
-            hash(Key::new("s", 1).array(&[1u8, 2]).array(&[3u8])),
-            hash(Key::new("s", 1).array(&[1u8]).array(&[2u8, 3]))
+            hash(Key::new("s").array(&[1u8, 2]).array(&[3u8])),
+            hash(Key::new("s").array(&[1u8]).array(&[2u8, 3]))
         );
     }
 

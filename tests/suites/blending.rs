@@ -16,7 +16,7 @@ use kitsuke_pipeline::{build_garment, ir};
 use std::path::Path;
 use std::sync::LazyLock;
 
-static KOMON: LazyLock<(ir::Garment, Garment)> = LazyLock::new(|| {
+pub(super) static KOMON: LazyLock<(ir::Garment, Garment)> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
     let source = kitsuke_pipeline::load(&folder).garment.expect("the sample has no mistakes");
     let cache = tempfile::tempdir().unwrap();

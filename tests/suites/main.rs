@@ -16,6 +16,7 @@ mod mistakes;
 mod motion;
 mod pack;
 mod skinning;
+mod suggest;
 mod tailoring;
 mod texture;
 mod transfer;

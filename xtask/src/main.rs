@@ -18,6 +18,7 @@ mod replay;
 mod schema;
 mod shots;
 mod skinning;
+mod suggest;
 mod tailor;
 mod texture;
 mod wearers;
@@ -46,6 +47,7 @@ enum Verb {
     Replay(replay::Args),
     Schema(schema::Args),
     Skinning(skinning::Args),
+    Suggest(suggest::Args),
     Tailor(tailor::Args),
     Texture(texture::Args),
     Weld(weld::Args),
@@ -69,6 +71,7 @@ fn main() -> ExitCode {
         Verb::Replay(args) => replay::run(args),
         Verb::Schema(args) => schema::run(args),
         Verb::Skinning(args) => skinning::run(args),
+        Verb::Suggest(args) => suggest::run(args),
         Verb::Tailor(args) => tailor::run(args),
         Verb::Texture(args) => texture::run(args),
         Verb::Weld(args) => weld::run(args),

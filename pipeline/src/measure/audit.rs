@@ -10,9 +10,6 @@ use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
 use rayon::prelude::*;
 
-/// Counts up whenever the same garment gives other figures.
-pub const VERSION: u32 = 2;
-
 /// Cloth deeper than this counts as this deep, metres.
 pub const DEEPEST_M: f32 = 0.08;
 /// Upper ends of the classes of [`Audit::classes`], metres; the last class holds everything deeper.

@@ -8,6 +8,7 @@ pub mod leave_one_out;
 pub mod pose_space;
 pub mod size_errors;
 pub mod skirt;
+pub mod suggest;
 pub mod verify;
 pub mod wearer;
 pub mod weld_quality;

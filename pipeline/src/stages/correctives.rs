@@ -23,9 +23,6 @@ use rayon::prelude::*;
 /// Half the diagonal of a cell of the grid, in its steps, and somewhat more: every ball of this radius holds a point of it.
 const RADIUS: f32 = 0.9;
 
-/// Counts up whenever the same input gives other correctives.
-pub const VERSION: u32 = 1;
-
 /// Cloth this much farther from the body than it should be is not drawn into it by its neighbours, metres.
 const NEAR_M: f32 = 0.02;
 

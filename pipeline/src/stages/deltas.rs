@@ -6,9 +6,6 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use kitsuke::arrays::SkinWeights;
 use kitsuke::skeleton::{Bone, Pose, Skeleton};
 
-/// Counts up whenever the same input gives other deltas.
-pub const VERSION: u32 = 1;
-
 /// Determinant of the blended rotations below which a vertex counts as crushed: two joints blended half and half reach
 /// it when they differ by 164 degrees. The inverse would make waves of a millimetre out of a tenth.
 const LEAST_DETERMINANT: f64 = 0.02;

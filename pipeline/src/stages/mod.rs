@@ -9,7 +9,7 @@ pub mod fit_data;
 pub mod hanging;
 pub mod kernel;
 mod laplacian;
-mod matrix;
+pub(crate) mod matrix;
 pub mod mirror;
 pub(crate) mod numbers;
 pub(crate) mod posed_body;

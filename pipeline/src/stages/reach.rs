@@ -9,9 +9,6 @@ use kitsuke::arrays::{PoseBound, PoseTable, limits};
 use kitsuke::reach::angles;
 use kitsuke::skeleton::Bone;
 
-/// Counts up whenever the same input gives other bounds.
-pub const VERSION: u32 = 1;
-
 /// How closely the bounds enclose the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

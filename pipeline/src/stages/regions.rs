@@ -9,9 +9,6 @@ use kitsuke::skeleton::Bone;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Counts up whenever the same input gives other masks.
-pub const VERSION: u32 = 4;
-
 /// How regions grow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

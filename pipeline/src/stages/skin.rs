@@ -16,9 +16,6 @@ use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::TriMesh;
 use rayon::prelude::*;
 
-/// Counts up whenever the same input gives other weights.
-pub const VERSION: u32 = 3;
-
 /// Where the body's weights are believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

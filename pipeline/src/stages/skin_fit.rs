@@ -19,9 +19,6 @@ use kitsuke::skeleton::Skeleton;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Counts up whenever the same input gives other weights.
-pub const VERSION: u32 = 3;
-
 /// How closely weights follow the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

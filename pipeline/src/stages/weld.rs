@@ -12,9 +12,6 @@ use glam::DVec3;
 use kitsuke::envelope_cholesky::EnvelopeCholesky;
 use rayon::prelude::*;
 
-/// Counts up whenever the same input gives other fields.
-pub const VERSION: u32 = 1;
-
 /// How the shares of the parts meet.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {

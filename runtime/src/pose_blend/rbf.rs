@@ -145,38 +145,29 @@ pub fn embed_rows(chain: &[ChainJoint], rotations: &[Quat]) -> Vec<f64> {
     embeddings
 }
 
+/// The embeddings of poses, one after the other.
+#[must_use]
+pub fn embed_poses(chain: &[ChainJoint], poses: impl IntoIterator<Item = Pose>) -> Vec<f64> {
+    let length = embedding_length(chain);
+    let mut embeddings = Vec::new();
+    for pose in poses {
+        let first = embeddings.len();
+        embeddings.resize(first + length, 0.0);
+        embed(chain, |bone| pose.rotation(bone).as_dquat().normalize(), &mut embeddings[first..]);
+    }
+    embeddings
+}
+
 /// The embeddings of these rows of a pose table, one after the other. Joints that the table does not give are at rest.
 #[must_use]
 pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
-    embed_table(chain, poses, rows, |bone, of_row| of_row(bone))
+    embed_poses(chain, rows.iter().map(|&row| poses.pose(row)))
 }
 
-/// The embeddings of these rows but the first, the base, as the other side does them: left for right, mirrored at the plane X = 0.
+/// The embeddings of these rows but the first, the base, as the other side does them ([`Pose::mirrored`]).
 #[must_use]
 pub fn embed_mirrored(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
-    embed_table(chain, poses, rows.get(1..).unwrap_or_default(), |bone, of_row| {
-        let q = of_row(bone.mirrored());
-        DQuat::from_xyzw(q.x, -q.y, -q.z, q.w)
-    })
-}
-
-fn embed_table(
-    chain: &[ChainJoint],
-    poses: &PoseTable,
-    rows: &[usize],
-    rotation: impl Fn(Bone, &dyn Fn(Bone) -> DQuat) -> DQuat,
-) -> Vec<f64> {
-    let length = embedding_length(chain);
-    let mut embeddings = vec![0.0; length * rows.len()];
-    for (&row, embedding) in rows.iter().zip(embeddings.chunks_exact_mut(length.max(1))) {
-        let sample = poses.row(row);
-        let of_row = |bone| match poses.bones.iter().position(|&listed| listed == bone) {
-            Some(column) => sample[column].as_dquat().normalize(),
-            None => DQuat::IDENTITY,
-        };
-        embed(chain, |bone| rotation(bone, &of_row), embedding);
-    }
-    embeddings
+    embed_poses(chain, rows.iter().skip(1).map(|&row| poses.pose(row).mirrored()))
 }
 
 /// Working memory of [`rbf`], so that a frame allocates nothing.

@@ -207,6 +207,17 @@ impl Pose {
         self
     }
 
+    /// This pose seen in a mirror: left does what right did, and the hips move to the other side.
+    #[must_use]
+    pub fn mirrored(&self) -> Pose {
+        let image = |bone: Bone| {
+            let q = self.rotation(bone.mirrored());
+            Quat::from_xyzw(q.x, -q.y, -q.z, q.w)
+        };
+        let Vec3 { x, y, z } = self.hips_translation_m;
+        Pose { rotations: Bone::ALL.map(image), hips_translation_m: Vec3::new(-x, y, z) }
+    }
+
     /// This pose with every number usable: rotations normalised, those that are not finite or have no length replaced
     /// by the T-pose's, a hips translation that is not finite by none, a farther one than 1000 km brought back to it.
     #[must_use]
