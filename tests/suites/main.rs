@@ -2,6 +2,7 @@
 
 mod blending;
 mod build;
+mod covered;
 mod fit;
 mod fit_data;
 mod frame;

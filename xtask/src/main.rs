@@ -6,6 +6,7 @@ mod build_catalog;
 mod check;
 mod ci;
 mod compare_packs;
+mod covered;
 mod evaluate;
 mod fit;
 mod inspect;
@@ -37,6 +38,7 @@ enum Verb {
     Check(check::Args),
     Ci(ci::Args),
     ComparePacks(compare_packs::Args),
+    Covered(covered::Args),
     Evaluate(evaluate::Args),
     Fit(fit::Args),
     Inspect(inspect::Args),
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
         Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),
         Verb::ComparePacks(args) => compare_packs::run(args),
+        Verb::Covered(args) => covered::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Fit(args) => fit::run(args),
         Verb::Inspect(args) => inspect::run(args),

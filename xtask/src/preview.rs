@@ -8,6 +8,7 @@ use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
 use kitsuke_pipeline::look::scene::{Colours, Figure, Framing, Scene, View};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
+use kitsuke_pipeline::measure::covered::covered;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -50,6 +51,9 @@ pub struct Args {
     /// The rule set of the fit [default: the kimono's own]
     #[arg(long, value_name = "NAME", requires = "body")]
     rules: Option<String>,
+    /// Draw the wearer's skin under the cloth, too, which shows where cloth lies in the body
+    #[arg(long)]
+    all_skin: bool,
     /// What the colours of the cloth say
     #[arg(long, default_value = "cloth")]
     colours: ColoursName,
@@ -115,6 +119,8 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     if fitted.is_some() && args.wearer.is_none() {
         // Body and obi of the source are another wearer's.
         scene = scene.unworn();
+    } else if let Some(source) = source.as_ref().filter(|_| !args.all_skin) {
+        scene = scene.without_covered(&covered(garment, &source.body));
     }
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {

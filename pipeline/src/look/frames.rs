@@ -96,10 +96,16 @@ pub fn in_source_order(garment: &Garment, positions_m: &[Vec3]) -> Vec<Vec3> {
 /// The header of an NPY file (version 1.0) of little-endian float32 in C order; the numbers follow.
 #[must_use]
 pub fn npy_header(shape: &[usize]) -> Vec<u8> {
+    npy_header_of("<f4", shape)
+}
+
+/// The same for elements of another type, as numpy names it: `|b1` are truth values, one byte each.
+#[must_use]
+pub fn npy_header_of(descr: &str, shape: &[usize]) -> Vec<u8> {
     // As Python writes a tuple: one number alone has a comma behind it.
     let comma = if shape.len() == 1 { "," } else { "" };
     let shape = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ") + comma;
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+    let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
     // Magic, version and length take 10 bytes; numpy wants the data at a multiple of 64.
     let padded = (10 + text.len() + 1).next_multiple_of(64) - 10;
     text.extend(std::iter::repeat_n(' ', padded - 1 - text.len()));

@@ -66,7 +66,15 @@ pub struct Scene<'a> {
 #[derive(Clone, Debug)]
 struct Skinned {
     body: ir::Body,
+    /// Those of the body's triangles that are drawn.
+    drawn: Vec<[u32; 3]>,
     colour: [u8; 3],
+}
+
+impl Skinned {
+    fn new(body: ir::Body, colour: [u8; 3]) -> Skinned {
+        Skinned { drawn: body.surface.triangles.clone(), body, colour }
+    }
 }
 
 impl<'a> Scene<'a> {
@@ -76,7 +84,7 @@ impl<'a> Scene<'a> {
         let texture =
             source.and_then(|source| source.texture_png.as_deref()).and_then(|png| Texture::from_png(png).ok());
         let texture = texture.filter(|_| garment.data().mesh.uv.len() == garment.vertex_count());
-        let body = source.map(|source| Skinned { body: source.body.clone(), colour: SKIN });
+        let body = source.map(|source| Skinned::new(source.body.clone(), SKIN));
         let obi = source.and_then(|source| source.obi.as_ref()).map(|obi| worn_over(garment, obi));
         Scene { garment, source, texture, context: body.into_iter().chain(obi).collect() }
     }
@@ -104,6 +112,20 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn with_texture(&self, texture: Texture) -> Scene<'a> {
         Scene { texture: Some(texture), ..self.clone() }
+    }
+
+    /// The same without the wearer's triangles of which all corners are flagged as covered by the cloth, one flag per
+    /// vertex of her body. Changes nothing where no wearer is drawn.
+    ///
+    /// # Panics
+    /// When the body has more vertices than there are flags.
+    #[must_use]
+    pub fn without_covered(mut self, covered: &[bool]) -> Scene<'a> {
+        // The wearer stands first.
+        if let (Some(_), Some(wearer)) = (self.source, self.context.first_mut()) {
+            wearer.drawn.retain(|triangle| !triangle.iter().all(|&v| covered[v as usize]));
+        }
+        self
     }
 
     /// The same without wearer and obi.
@@ -156,7 +178,7 @@ impl<'a> Scene<'a> {
         let context = self.context.iter().zip(&figure.context).map(|(skinned, (positions_m, normals))| Shape {
             positions_m,
             normals,
-            triangles: &skinned.body.surface.triangles,
+            triangles: &skinned.drawn,
             paint: Paint::Plain(skinned.colour),
             inside: None,
         });
@@ -279,7 +301,7 @@ fn worn_over(garment: &Garment, band: &ir::Surface) -> Skinned {
         std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0))
     };
     let skin = band.positions_m.iter().map(weights_under).collect();
-    Skinned { body: ir::Body { surface: band.clone(), skeleton: data.skeleton.clone(), skin }, colour: OBI }
+    Skinned::new(ir::Body { surface: band.clone(), skeleton: data.skeleton.clone(), skin }, OBI)
 }
 
 /// A colour of its own for every small number.
