@@ -178,6 +178,149 @@ fn write_joint(text: &mut String, wearer: &Skeleton, joint: usize, channels: &st
     text.push_str("}\n");
 }
 
+/// How another program would write a motion as BVH.
+#[derive(Clone)]
+pub struct Rigged<'a> {
+    /// World rotations of the joints' own axes in the T-pose, in the wearer's axes; the OFFSETs are seen from them.
+    pub rest: Vec<DQuat>,
+    /// The file's world from the wearer's.
+    pub world: DQuat,
+    /// The file's units per metre.
+    pub units: f64,
+    /// The order of rotations and its channels.
+    pub order: (EulerRot, [char; 3]),
+    /// What stands before every name.
+    pub prefix: &'a str,
+    /// A root above the hips that stands still, turned like this; then the hips have position channels.
+    pub reference: Option<DQuat>,
+    /// Every joint has position channels, and OFFSETs say nothing.
+    pub places_everywhere: bool,
+}
+
+impl Rigged<'_> {
+    /// A rig with such axes, centimetres, Y up.
+    #[must_use]
+    pub fn new(rest: Vec<DQuat>) -> Rigged<'static> {
+        Rigged {
+            rest,
+            world: DQuat::IDENTITY,
+            units: 100.0,
+            order: (EulerRot::ZXY, ['Z', 'X', 'Y']),
+            prefix: "",
+            reference: None,
+            places_everywhere: false,
+        }
+    }
+
+    /// Joints from ROOT on, and the numbers of each frame.
+    #[must_use]
+    pub fn skeleton(&self, wearer: &Skeleton, poses: &[Pose]) -> (String, Vec<String>) {
+        let rotations = self.order.1.map(|axis| format!("{axis}rotation")).join(" ");
+        let places = "Xposition Yposition Zposition";
+        let above = self.reference.unwrap_or(DQuat::IDENTITY);
+        let mut text = String::new();
+        let mut listed = Vec::new();
+        if self.reference.is_some() {
+            _ = write!(text, "ROOT {}Reference\n{{\nOFFSET 0 0 0\nCHANNELS 6 {places} {rotations}\n", self.prefix);
+        }
+        self.joint(&mut text, wearer, 0, [places, &rotations], &mut listed);
+        if self.reference.is_some() {
+            text.push_str("}\n");
+        }
+        let turn = |rotation: DQuat| {
+            let (a, b, c) = rotation.normalize().to_euler(self.order.0);
+            format!("{:.8} {:.8} {:.8}", a.to_degrees(), b.to_degrees(), c.to_degrees())
+        };
+        let place = |place: DVec3| format!("{:.7} {:.7} {:.7}", place.x, place.y, place.z);
+        let frames = poses.iter().map(|pose| {
+            let raw = raw_rotations(wearer, &self.rest, pose);
+            let mut numbers = Vec::new();
+            if let Some(reference) = self.reference {
+                numbers.extend([place(DVec3::ZERO), turn(reference)]);
+            }
+            for &joint in &listed {
+                if joint == 0 {
+                    let hips_m = (wearer.joints()[0].rest_m + pose.hips_translation_m).as_dvec3();
+                    numbers.push(place(above.inverse() * self.world * hips_m * self.units));
+                    numbers.push(turn(above.inverse() * self.world * raw[0]));
+                } else {
+                    if self.places_everywhere {
+                        numbers.push(place(self.offset(wearer, joint)));
+                    }
+                    numbers.push(turn(raw[joint]));
+                }
+            }
+            numbers.join(" ")
+        });
+        (text, frames.collect())
+    }
+
+    /// The whole file.
+    #[must_use]
+    pub fn bvh(&self, wearer: &Skeleton, poses: &[Pose]) -> String {
+        let (joints, frames) = self.skeleton(wearer, poses);
+        bvh_file(&[joints], &[frames])
+    }
+
+    fn offset(&self, wearer: &Skeleton, joint: usize) -> DVec3 {
+        let parent = wearer.joints()[joint].parent.map(usize::from);
+        parent.map_or(DVec3::ZERO, |parent| {
+            let along_m = wearer.joints()[joint].rest_m - wearer.joints()[parent].rest_m;
+            self.rest[parent].inverse() * along_m.as_dvec3() * self.units
+        })
+    }
+
+    fn joint(&self, text: &mut String, wearer: &Skeleton, joint: usize, channels: [&str; 2], listed: &mut Vec<usize>) {
+        listed.push(joint);
+        let offset = if self.places_everywhere { DVec3::Y } else { self.offset(wearer, joint) };
+        let kind = if joint == 0 && self.reference.is_none() { "ROOT" } else { "JOINT" };
+        let [places, rotations] = channels;
+        let channels_own = if joint == 0 || self.places_everywhere {
+            format!("6 {places} {rotations}")
+        } else {
+            format!("3 {rotations}")
+        };
+        let name = wearer.joints()[joint].bone.name();
+        _ = writeln!(text, "{kind} {}{name}\n{{\nOFFSET {:.7} {:.7} {:.7}", self.prefix, offset.x, offset.y, offset.z);
+        _ = writeln!(text, "CHANNELS {channels_own}");
+        let children = (0..wearer.joints().len()).filter(|&j| wearer.joints()[j].parent == Some(joint as u8));
+        for child in children {
+            self.joint(text, wearer, child, channels, listed);
+        }
+        text.push_str("}\n");
+    }
+}
+
+/// Skeletons and their frames, side by side, as one BVH file.
+#[must_use]
+pub fn bvh_file(skeletons: &[String], frames: &[Vec<String>]) -> String {
+    let count = frames[0].len();
+    let mut text =
+        format!("HIERARCHY\n{}MOTION\nFrames: {count}\nFrame Time: {DANCE_FRAME_S:.10}\n", skeletons.concat());
+    for frame in 0..count {
+        let numbers: Vec<&str> = frames.iter().map(|frames| frames[frame].as_str()).collect();
+        _ = writeln!(text, "{}", numbers.join(" "));
+    }
+    text
+}
+
+/// Joint axes of a rig whose bones all lie along one axis of their own, twisted about it by this angle times the joint's
+/// number.
+#[must_use]
+pub fn bones_along(wearer: &Skeleton, axis: DVec3, twist_rad: f64) -> Vec<DQuat> {
+    let joints = wearer.joints();
+    let rest = |(i, joint): (usize, &Joint)| {
+        // The hips bear the trunk: of several children the middle one; an end continues the bone above it.
+        let children =
+            joints.iter().filter(|child| child.parent == Some(i as u8)).map(|child| child.rest_m - joint.rest_m);
+        let middle = children.min_by(|a, b| a.x.abs().total_cmp(&b.x.abs()));
+        let above = joint.parent.map_or(Vec3::Y, |parent| joint.rest_m - joints[usize::from(parent)].rest_m);
+        let along = middle.unwrap_or(above).as_dvec3().normalize();
+        DQuat::from_rotation_arc(axis, along) * DQuat::from_axis_angle(axis, twist_rad * i as f64)
+    };
+    joints.iter().enumerate().map(rest).collect()
+}
+
 /// A rest rotation of some kind for each joint, as rigs have them.
 #[must_use]
 pub fn odd_rest(wearer: &Skeleton) -> Vec<DQuat> {

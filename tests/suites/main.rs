@@ -16,6 +16,7 @@ mod look;
 mod mistakes;
 mod motion;
 mod pack;
+mod rigs;
 mod skinning;
 mod suggest;
 mod tailoring;

@@ -82,7 +82,7 @@ fn every_order_of_channels_is_the_product_of_its_matrices() {
         let expected =
             order.chars().zip(angles).fold(DMat3::IDENTITY, |m, (axis, angle)| m * rotation_matrix(axis, angle));
         let three = (format!("3 {}", names.join(" ")), "0 9 0 31 -72 15".to_owned());
-        let six = (format!("6 Zposition {} Xposition Yposition", names.join(" ")), "0 9 0 5 31 -72 15 6 7".to_owned());
+        let six = (format!("6 Zposition {} Xposition Yposition", names.join(" ")), "0 9 0 0 31 -72 15 2 1".to_owned());
         for (channels, frame) in [three, six] {
             let motion = read(&text(&channels, &[&frame]));
             let turned = motion.poses[0].rotation(Bone::LeftUpperArm).as_dquat();

@@ -53,6 +53,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    read_as: shots::ReadAs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -109,7 +111,7 @@ fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), S
     );
     let legs = Legs::new(garment, source);
     for path in &args.motion {
-        let recording = shots::recording(path, &garment.data().skeleton)?;
+        let recording = shots::recording(path, &garment.data().skeleton, args.read_as)?;
         let step = recording.frames.len().div_ceil(args.frames as usize).max(1);
         let frames = recording.frames.iter().step_by(step);
         let limited: Vec<Limited> = frames.map(|frame| garment.limited(&frame.pose)).collect();

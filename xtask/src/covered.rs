@@ -1,7 +1,7 @@
 //! `cargo xtask covered`: which skin of the wearer an app need not draw under the kimono.
 
 use crate::places::{Places, ended, write_whole};
-use crate::shots::{self, How};
+use crate::shots::{self, How, ReadAs};
 use crate::wearers;
 use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
@@ -42,6 +42,8 @@ pub struct Args {
     /// The rule set of the fit [default: the kimono's own]
     #[arg(long, value_name = "NAME", requires = "body")]
     rules: Option<String>,
+    #[command(flatten)]
+    read_as: ReadAs,
     #[command(flatten)]
     places: Places,
 }
@@ -125,7 +127,7 @@ fn motions(args: &Args, garment: &Garment, body: &Body, mask: &[bool]) -> Result
         "max"
     );
     for path in &args.motion {
-        let how = How { root_motion: false, as_recorded: false, filter: None };
+        let how = How { root_motion: false, as_recorded: false, filter: None, read_as: args.read_as };
         let shots = shots::motion(path, garment, garment.kernel(), how)?;
         let step = shots.len().div_ceil(args.frames as usize).max(1);
         let poses: Vec<Pose> = shots.into_iter().step_by(step).map(|shot| shot.pose).collect();

@@ -52,6 +52,8 @@ pub struct Args {
     #[arg(long)]
     kernel: Option<KernelName>,
     #[command(flatten)]
+    read_as: shots::ReadAs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -100,7 +102,12 @@ fn evaluate(args: &Args) -> Result<(), String> {
             rows.into_iter().map(|row| row.shot).collect()
         }
         (_, Some(motion)) => {
-            let how = shots::How { root_motion: args.root_motion, as_recorded: args.as_recorded, filter: args.filter };
+            let how = shots::How {
+                root_motion: args.root_motion,
+                as_recorded: args.as_recorded,
+                filter: args.filter,
+                read_as: args.read_as,
+            };
             shots::motion(motion, garment, kernel, how)?
         }
         _ => {

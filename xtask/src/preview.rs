@@ -70,6 +70,8 @@ pub struct Args {
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=100))]
     columns: u16,
     #[command(flatten)]
+    read_as: shots::ReadAs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -125,7 +127,12 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {
         (Some(motion), _) => {
-            let how = shots::How { root_motion: false, as_recorded: args.as_recorded, filter: args.filter };
+            let how = shots::How {
+                root_motion: false,
+                as_recorded: args.as_recorded,
+                filter: args.filter,
+                read_as: args.read_as,
+            };
             evenly(&shots::motion(motion, garment, kernel, how)?, usize::from(args.frames))
         }
         (None, Some(table)) => {

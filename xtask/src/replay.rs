@@ -24,6 +24,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     times: u32,
     #[command(flatten)]
+    read_as: shots::ReadAs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -35,7 +37,7 @@ pub fn run(args: Args) -> ExitCode {
 fn replay(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
     let wearer = &pack.garment().data().skeleton;
-    let recording = shots::recording(&args.motion, wearer)?;
+    let recording = shots::recording(&args.motion, wearer, args.read_as)?;
     let own: SocketAddr = if args.vmc.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0_u16; 8], 0).into() };
     let unsent = |error| format!("cannot send to {}: {error}", args.vmc);
     let socket = UdpSocket::bind(own).map_err(unsent)?;

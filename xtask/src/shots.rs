@@ -3,6 +3,7 @@
 use glam::Vec3;
 use kitsuke::Garment;
 use kitsuke::pose_blend::Kernel;
+use kitsuke::skeleton::bvh;
 use kitsuke::skeleton::filter::{Filter, Holt, OneEuro};
 use kitsuke::skeleton::recording::{self, Recording};
 use kitsuke::skeleton::{Pose, Skeleton};
@@ -44,11 +45,46 @@ pub struct How {
     pub as_recorded: bool,
     /// The motion is smoothed.
     pub filter: Option<FilterName>,
+    /// What is decided where the file leaves it open.
+    pub read_as: ReadAs,
+}
+
+/// How a BVH file is read where its own evidence leaves that open.
+#[derive(Clone, Copy, clap::Args)]
+pub struct ReadAs {
+    /// The axis of a BVH file that points up: +X, -X, +Y, -Y, +Z or -Z [default: the one that its frames stand along]
+    #[arg(long, value_name = "AXIS", requires = "motion", allow_hyphen_values = true)]
+    up: Option<bvh::Axis>,
+    /// Where the T-pose of a BVH file comes from [default: OFFSETs or first frame if they are one, else directions]
+    #[arg(long, value_name = "WHAT", requires = "motion")]
+    rest: Option<RestName>,
+}
+
+/// A source of the T-pose by its name on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum RestName {
+    /// The OFFSETs, nothing turned
+    Offsets,
+    /// The first frame
+    FirstFrame,
+    /// Where bones point in the world over all frames
+    Directions,
+}
+
+impl ReadAs {
+    fn options(self) -> bvh::Options {
+        let rest = self.rest.map(|rest| match rest {
+            RestName::Offsets => bvh::Rest::Offsets,
+            RestName::FirstFrame => bvh::Rest::FirstFrame,
+            RestName::Directions => bvh::Rest::Directions,
+        });
+        bvh::Options { up: self.up, rest }
+    }
 }
 
 /// The frames of a recorded motion on the garment's wearer, blended by this kernel.
 pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Result<Vec<Shot>, String> {
-    let mut recording = recording(path, &garment.data().skeleton)?;
+    let mut recording = recording(path, &garment.data().skeleton, how.read_as)?;
     if let Some(filter) = how.filter {
         recording = recording.filtered(&filter.filter());
     }
@@ -77,8 +113,9 @@ pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Resul
 }
 
 /// Reads a recorded motion of any known format, and says how it was understood, so that a wrong guess is seen.
-pub fn recording(path: &Path, wearer: &Skeleton) -> Result<Recording, String> {
-    let recording = recording::read(&read(path)?, wearer).map_err(|error| format!("{}: {error}", path.display()))?;
+pub fn recording(path: &Path, wearer: &Skeleton, read_as: ReadAs) -> Result<Recording, String> {
+    let recording = recording::read_with(&read(path)?, wearer, read_as.options());
+    let recording = recording.map_err(|error| format!("{}: {error}", path.display()))?;
     for note in &recording.notes {
         eprintln!("note: {}: {note}", path.display());
     }

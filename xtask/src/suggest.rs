@@ -40,6 +40,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    read_as: shots::ReadAs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -62,7 +64,7 @@ fn suggest(args: &Args) -> Result<(), String> {
     let poses = if args.motion.is_empty() {
         pose_space::poses(garment, FIRST, POSES)
     } else {
-        recorded(garment, &args.motion)?
+        recorded(garment, &args.motion, args.read_as)?
     };
     let rows = args.from.as_ref().map(|path| shots::pose_table(path, garment.kernel())).transpose()?;
     let candidates: Vec<Shot> = match rows {
@@ -106,10 +108,10 @@ fn suggest(args: &Args) -> Result<(), String> {
 }
 
 /// The frames of recordings, as the kimono lets its wearer move, evenly thinned to the usual number.
-fn recorded(garment: &Garment, motions: &[PathBuf]) -> Result<Vec<Pose>, String> {
+fn recorded(garment: &Garment, motions: &[PathBuf], read_as: shots::ReadAs) -> Result<Vec<Pose>, String> {
     let mut poses = Vec::new();
     for path in motions {
-        let recording = shots::recording(path, &garment.data().skeleton)?;
+        let recording = shots::recording(path, &garment.data().skeleton, read_as)?;
         let step = (recording.frames.len() * motions.len()).div_ceil(POSES).max(1);
         poses.extend(recording.frames.iter().step_by(step).map(|frame| garment.limited(&frame.pose).pose));
     }

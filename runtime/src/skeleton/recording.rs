@@ -172,8 +172,24 @@ pub(super) fn json_problem(error: &serde_json::Error, form: &str) -> String {
 /// # Errors
 /// What is wrong, where, and what to do.
 pub fn read(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
-    let recording = match format_of(bytes) {
-        Some(Format::Bvh) => read_bvh(bytes, wearer)?,
+    read_with(bytes, wearer, bvh::Options::default())
+}
+
+/// The same where the caller decides some of what BVH leaves open. Other formats leave neither axes nor T-pose open: with them,
+/// options that decide something are refused.
+///
+/// # Errors
+/// What is wrong, where, and what to do.
+pub fn read_with(bytes: &[u8], wearer: &Skeleton, options: bvh::Options) -> Result<Recording, RecordingError> {
+    let format = format_of(bytes);
+    if format.is_some_and(|format| format != Format::Bvh) && options != bvh::Options::default() {
+        return Err(RecordingError::new(
+            Place::Whole,
+            "--up and --rest decide how BVH is read; leave them out, this is no BVH",
+        ));
+    }
+    let recording = match format {
+        Some(Format::Bvh) => read_bvh(bytes, wearer, options)?,
         Some(Format::Gltf) => vrma::read(bytes, wearer)?,
         Some(Format::JsonLines) => jsonl::read(bytes, wearer)?,
         Some(Format::MediaPipe) => mediapipe::read(bytes, wearer)?,
@@ -217,27 +233,10 @@ pub(super) fn times_from_first(times_s: &[f64], place: fn(usize) -> Place) -> Re
     times_s.iter().enumerate().map(rebase).collect()
 }
 
-fn read_bvh(bytes: &[u8], wearer: &Skeleton) -> Result<Recording, RecordingError> {
-    let motion = bvh::read(bytes, wearer)
+fn read_bvh(bytes: &[u8], wearer: &Skeleton, options: bvh::Options) -> Result<Recording, RecordingError> {
+    let motion = bvh::read_with(bytes, wearer, options)
         .map_err(|error| RecordingError::new(Place::Line(error.line), error.problem.to_string()))?;
-    let mut notes = vec![
-        match motion.reference {
-            bvh::Reference::Offsets => "the T-pose is its OFFSETs",
-            bvh::Reference::FirstFrame => "the T-pose is its first frame",
-            bvh::Reference::OffsetsTurned => "the T-pose is its OFFSETs with the arms turned sideways",
-        }
-        .to_owned(),
-        match motion.metres_per_unit {
-            Some(metres) => format!("one unit is {metres:.5} m by the length of the legs"),
-            None => "it has no legs, so the hips stay in their place".to_owned(),
-        },
-    ];
-    if !motion.names_tell {
-        notes.push(
-            "no joint has a name that is known, so bones were told by how the skeleton branches; VRM names are surer"
-                .into(),
-        );
-    }
+    let mut notes = motion.notes;
     notes.extend(unmapped_note(&motion.unmapped));
     Ok(Recording {
         format: Format::Bvh,

@@ -27,7 +27,9 @@ const MIXAMO: Convention = Convention {
         ("*ForeArm", Bone::LeftLowerArm, Bone::RightLowerArm),
         ("*Hand", Bone::LeftHand, Bone::RightHand),
         ("*UpLeg", Bone::LeftUpperLeg, Bone::RightUpperLeg),
+        ("*Thigh", Bone::LeftUpperLeg, Bone::RightUpperLeg),
         ("*Leg", Bone::LeftLowerLeg, Bone::RightLowerLeg),
+        ("*Shin", Bone::LeftLowerLeg, Bone::RightLowerLeg),
         ("*Foot", Bone::LeftFoot, Bone::RightFoot),
         ("*ToeBase", Bone::LeftToes, Bone::RightToes),
         ("*Toe", Bone::LeftToes, Bone::RightToes),
@@ -144,8 +146,30 @@ const MAKEHUMAN: Convention = Convention {
     ],
 };
 
+/// Bones as in VRM with the side behind, as in the dataset of Bandai-Namco Research.
+const SIDE_BEHIND: Convention = Convention {
+    sides: ["_L", "_R"],
+    middle: &[
+        ("Hips", Bone::Hips),
+        ("Spine", Bone::Spine),
+        ("Chest", Bone::Chest),
+        ("Neck", Bone::Neck),
+        ("Head", Bone::Head),
+    ],
+    sided: &[
+        ("Shoulder*", Bone::LeftShoulder, Bone::RightShoulder),
+        ("UpperArm*", Bone::LeftUpperArm, Bone::RightUpperArm),
+        ("LowerArm*", Bone::LeftLowerArm, Bone::RightLowerArm),
+        ("Hand*", Bone::LeftHand, Bone::RightHand),
+        ("UpperLeg*", Bone::LeftUpperLeg, Bone::RightUpperLeg),
+        ("LowerLeg*", Bone::LeftLowerLeg, Bone::RightLowerLeg),
+        ("Foot*", Bone::LeftFoot, Bone::RightFoot),
+        ("Toes*", Bone::LeftToes, Bone::RightToes),
+    ],
+};
+
 /// In the order of preference where two explain equally many names.
-const CONVENTIONS: [&Convention; 5] = [&MIXAMO, &CMU, &JOINTS, &KINECT, &MAKEHUMAN];
+const CONVENTIONS: [&Convention; 6] = [&MIXAMO, &CMU, &JOINTS, &KINECT, &MAKEHUMAN, &SIDE_BEHIND];
 
 impl Convention {
     fn bone(&self, name: &str) -> Option<Bone> {
@@ -161,9 +185,10 @@ impl Convention {
 
 /// The bone of each name, by the convention that knows most of them; VRM's own names (and Unity's, which differ in
 /// case alone) come first. No bone is given twice: the first joint has it. What stands before a colon is a prefix of
-/// the character's and does not count, nor does Mixamo's.
+/// the character's and does not count, nor does Mixamo's, nor what all names begin with up to an underscore.
 pub(super) fn bones_of(names: &[&str]) -> Vec<Option<Bone>> {
-    let bare: Vec<&str> = names.iter().map(|name| bare(name)).collect();
+    let prefix = common_prefix(names);
+    let bare: Vec<&str> = names.iter().map(|name| bare(&name[prefix..])).collect();
     let vrm = |name: &str| Bone::ALL.into_iter().find(|bone| bone.name().eq_ignore_ascii_case(name));
     let mut best = distinct(&bare, vrm);
     for convention in CONVENTIONS {
@@ -180,6 +205,14 @@ fn bare(name: &str) -> &str {
     name.strip_prefix("mixamorig").map_or(name, |rest| rest.trim_start_matches('_'))
 }
 
+/// Length of what all of several names begin with, up to its last underscore.
+fn common_prefix(names: &[&str]) -> usize {
+    let [first, others @ ..] = names else { return 0 };
+    let ends = first.match_indices('_').map(|(at, _)| at + 1);
+    let mut common = ends.filter(|&end| others.iter().all(|name| name.starts_with(&first[..end])));
+    if others.is_empty() { 0 } else { common.next_back().unwrap_or(0) }
+}
+
 fn distinct(names: &[&str], bone_of: impl Fn(&str) -> Option<Bone>) -> Vec<Option<Bone>> {
     let mut taken = [false; Bone::COUNT];
     let mut take = |bone: Bone| (!std::mem::replace(&mut taken[bone as usize], true)).then_some(bone);
@@ -192,7 +225,7 @@ mod tests {
 
     #[test]
     fn the_same_name_means_what_its_neighbours_say() {
-        let table: [(&[&str], &[Option<Bone>]); 6] = [
+        let table: [(&[&str], &[Option<Bone>]); 8] = [
             (
                 &["hips", "leftShoulder", "leftUpperArm"],
                 &[Some(Bone::Hips), Some(Bone::LeftShoulder), Some(Bone::LeftUpperArm)],
@@ -213,6 +246,20 @@ mod tests {
             (
                 &["root", "clavicle.L", "upperarm02.L", "Root"],
                 &[Some(Bone::Hips), Some(Bone::LeftShoulder), None, None],
+            ),
+            (
+                &["Character1_Reference", "Character1_Hips", "Character1_LeftShoulder", "Character1_LeftArm"],
+                &[None, Some(Bone::Hips), Some(Bone::LeftShoulder), Some(Bone::LeftUpperArm)],
+            ),
+            (
+                &["joint_Root", "Hips", "Shoulder_L", "UpperArm_L", "LowerLeg_R"],
+                &[
+                    None,
+                    Some(Bone::Hips),
+                    Some(Bone::LeftShoulder),
+                    Some(Bone::LeftUpperArm),
+                    Some(Bone::RightLowerLeg),
+                ],
             ),
         ];
         for (names, bones) in table {

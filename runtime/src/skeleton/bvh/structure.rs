@@ -1,6 +1,7 @@
 //! Which joint is which bone by how the skeleton branches, for files whose names say nothing. Knows parents and OFFSETs only.
 
-use super::text::{RawJoint, Stance};
+use super::kinematics::Stance;
+use super::text::RawJoint;
 use crate::skeleton::Bone;
 use glam::DVec3;
 
@@ -146,6 +147,7 @@ impl Tree<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::skeleton::bvh::kinematics::Figure;
     use crate::skeleton::bvh::text;
 
     /// A body of joints whose names say nothing: name, OFFSET, what hangs on it.
@@ -177,8 +179,9 @@ mod tests {
     fn bones_are_known_by_how_the_body_branches() {
         for (toes, left_is_plus_x) in [("0 -5 12", true), ("", true), ("0 -5 -12", false)] {
             let recording = text::read(&body(toes)).unwrap();
-            let rest = recording.rest();
-            let bones = bones_of(&recording.joints, &rest).expect("this branches like a body");
+            let figure = Figure::new(&recording, 0);
+            let rest = figure.rest();
+            let bones = bones_of(figure.joints, &rest).expect("this branches like a body");
             let at =
                 |bone: Bone| bones.iter().position(|&found| found == Some(bone)).map(|joint| rest.positions[joint]);
             let sign = if left_is_plus_x { 1.0 } else { -1.0 };
@@ -208,6 +211,7 @@ mod tests {
     fn what_is_no_body_has_no_bones() {
         let stick = "HIERARCHY\nROOT a {\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\nJOINT b {\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 1\nFrame Time: 1\n0\n";
         let recording = text::read(stick).unwrap();
-        assert_eq!(bones_of(&recording.joints, &recording.rest()), None);
+        let figure = Figure::new(&recording, 0);
+        assert_eq!(bones_of(figure.joints, &figure.rest()), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The text of a BVH file as joints and numbers. Knows neither bones nor units.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 /// Sizes beyond which nothing is read; each is far above real recordings.
 pub mod limits {
@@ -155,6 +155,23 @@ pub enum Problem {
         "the joints of this skeleton do not show where up and left are; its OFFSETs from the hips to the arms and between the arms must not be 0"
     )]
     NoDirection,
+    /// The evidence does not agree on which axis points up.
+    #[error("which axis points up stays open: {evidence}; decide it with --up, such as --up {likely}")]
+    UpUnclear {
+        /// What speaks for what.
+        evidence: String,
+        /// The likeliest axis.
+        likely: &'static str,
+    },
+    /// The OFFSETs are no clear pose, nor clearly none.
+    #[error(
+        "whether the OFFSETs are a pose stays open: they hold a leg {leg_deg:.0}° from straight down; decide it with --rest offsets, --rest \
+         first-frame or --rest directions"
+    )]
+    RestUnclear {
+        /// From straight down to the leg, degrees.
+        leg_deg: f64,
+    },
 }
 
 /// A joint as the file gives it.
@@ -166,11 +183,11 @@ pub(super) struct RawJoint {
     pub parent: Option<usize>,
     /// From the parent, in the file's units and axes.
     pub offset: DVec3,
-    channels: Vec<Channel>,
+    pub channels: Vec<Channel>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Channel {
+pub(super) enum Channel {
     Position(usize),
     Rotation(usize),
 }
@@ -184,19 +201,14 @@ const CHANNEL_NAMES: [(&str, Channel); 6] = [
     ("Zrotation", Channel::Rotation(2)),
 ];
 
-/// A whole file: joints, each after its parent, and the numbers of all frames.
+/// A whole file: skeletons, each of joints after their parents, and the numbers of all frames.
 #[derive(Clone, Debug)]
 pub(super) struct Recording {
-    pub joints: Vec<RawJoint>,
+    /// At least one; each begins with its ROOT.
+    pub skeletons: Vec<Vec<RawJoint>>,
     pub frame_time_s: f64,
     channels: usize,
     numbers: Vec<f64>,
-}
-
-/// Every joint's rotation and position in the world, in the file's units and axes.
-pub(super) struct Stance {
-    pub rotations: Vec<DQuat>,
-    pub positions: Vec<DVec3>,
 }
 
 impl Recording {
@@ -204,45 +216,9 @@ impl Recording {
         self.numbers.len() / self.channels
     }
 
-    /// The stance of the OFFSETs, nothing turned.
-    pub fn rest(&self) -> Stance {
-        self.stance(|_| (DQuat::IDENTITY, None))
-    }
-
-    /// The stance of a frame. Position channels count for the root alone, where they replace the OFFSET: bones do not
-    /// stretch.
-    pub fn frame(&self, frame: usize) -> Stance {
-        let mut numbers = self.numbers[frame * self.channels..][..self.channels].iter();
-        self.stance(|joint| {
-            let (mut rotation, mut position) = (DQuat::IDENTITY, joint.offset);
-            for (channel, &number) in joint.channels.iter().zip(numbers.by_ref()) {
-                match *channel {
-                    Channel::Position(axis) => position[axis] = number,
-                    // The first rotation named is the outermost.
-                    Channel::Rotation(axis) => {
-                        rotation *= DQuat::from_axis_angle(DVec3::AXES[axis], number.to_radians());
-                    }
-                }
-            }
-            (rotation, Some(position))
-        })
-    }
-
-    fn stance(&self, mut local: impl FnMut(&RawJoint) -> (DQuat, Option<DVec3>)) -> Stance {
-        let mut stance = Stance { rotations: Vec::new(), positions: Vec::new() };
-        for joint in &self.joints {
-            let (rotation, position) = local(joint);
-            let (turned, at) = match joint.parent {
-                Some(parent) => {
-                    let turned = stance.rotations[parent];
-                    (turned, stance.positions[parent] + turned * joint.offset)
-                }
-                None => (DQuat::IDENTITY, position.unwrap_or(joint.offset)),
-            };
-            stance.rotations.push((turned * rotation).normalize());
-            stance.positions.push(at);
-        }
-        stance
+    /// The numbers of a frame, by channel, skeleton after skeleton.
+    pub fn frame(&self, frame: usize) -> &[f64] {
+        &self.numbers[frame * self.channels..][..self.channels]
     }
 }
 
@@ -250,7 +226,7 @@ impl Recording {
 pub(super) fn read(text: &str) -> Result<Recording, BvhError> {
     let mut words = Words { rest: text.strip_prefix('\u{feff}').unwrap_or(text), line: 1 };
     words.expect("HIERARCHY")?;
-    let joints = read_joints(&mut words)?;
+    let skeletons = read_skeletons(&mut words)?;
     let (frames, frames_line) = read_frame_count(&mut words)?;
     words.expect("Frame")?;
     words.expect("Time:")?;
@@ -260,7 +236,7 @@ pub(super) fn read(text: &str) -> Result<Recording, BvhError> {
         .ok()
         .filter(|&time_s: &f64| time_s > 0.0 && time_s <= limits::FRAME_TIME_S)
         .ok_or_else(|| at(line, Problem::FrameTime { found: found.to_owned() }))?;
-    let channels: usize = joints.iter().map(|joint| joint.channels.len()).sum();
+    let channels: usize = skeletons.iter().flatten().map(|joint| joint.channels.len()).sum();
     if channels == 0 {
         return Err(at(frames_line, Problem::NoChannels));
     }
@@ -268,16 +244,34 @@ pub(super) fn read(text: &str) -> Result<Recording, BvhError> {
         return Err(at(frames_line, Problem::Numbers { frames, channels }));
     }
     let numbers = read_frames(&words, frames, channels)?;
-    Ok(Recording { joints, frame_time_s, channels, numbers })
+    Ok(Recording { skeletons, frame_time_s, channels, numbers })
 }
 
 /// Everything between HIERARCHY and MOTION, which is taken as well.
-fn read_joints(words: &mut Words<'_>) -> Result<Vec<RawJoint>, BvhError> {
+fn read_skeletons(words: &mut Words<'_>) -> Result<Vec<Vec<RawJoint>>, BvhError> {
+    let (mut skeletons, mut joints) = (Vec::new(), 0);
+    words.expect("ROOT")?;
+    loop {
+        let skeleton = read_skeleton(words, limits::JOINTS - joints)?;
+        joints += skeleton.len();
+        skeletons.push(skeleton);
+        let (line, found) = words.next("MOTION")?;
+        if found.eq_ignore_ascii_case("MOTION") {
+            return Ok(skeletons);
+        }
+        if !found.eq_ignore_ascii_case("ROOT") {
+            let found = found.chars().take(40).collect();
+            return Err(at(line, Problem::Expected { expected: "MOTION", found }));
+        }
+    }
+}
+
+/// The joints of one skeleton, after its word ROOT.
+fn read_skeleton(words: &mut Words<'_>, most_joints: usize) -> Result<Vec<RawJoint>, BvhError> {
     let mut joints: Vec<RawJoint> = Vec::new();
     let mut names = std::collections::BTreeSet::new();
     // The open braces from the outermost: a joint and whether its OFFSET came, or an End Site.
     let mut open: Vec<Option<(usize, bool)>> = Vec::new();
-    words.expect("ROOT")?;
     let mut begins = true;
     loop {
         if begins {
@@ -288,7 +282,7 @@ fn read_joints(words: &mut Words<'_>) -> Result<Vec<RawJoint>, BvhError> {
             if !names.insert(name.to_owned()) {
                 return Err(at(line, Problem::JointTwice(name.to_owned())));
             }
-            if joints.len() == limits::JOINTS {
+            if joints.len() == most_joints {
                 return Err(at(line, Problem::Joints));
             }
             if open.len() == limits::DEPTH {
@@ -302,7 +296,6 @@ fn read_joints(words: &mut Words<'_>) -> Result<Vec<RawJoint>, BvhError> {
             begins = false;
         }
         let Some(inside) = open.last_mut() else {
-            words.expect("MOTION")?;
             return Ok(joints);
         };
         let (line, word) = words.next("OFFSET, CHANNELS, JOINT, End Site or }")?;
