@@ -17,7 +17,7 @@ macro_rules! say {
     ($($line:tt)*) => { _ = writeln!(std::io::stdout(), $($line)*) };
 }
 
-/// Say which skin the kimono always covers, so that an app can leave it out and no skin shows through the cloth
+/// Say which skin the kimono always covers, so that an app can leave it out and less skin shows through the cloth
 #[derive(clap::Args)]
 pub struct Args {
     /// A kimono's ID
