@@ -1,8 +1,8 @@
 //! `cargo xtask audit`: how deep the cloth lies in the wearer's body, over many poses.
 
-use crate::places::{Places, ended, write_whole};
+use crate::places::{Places, ended, say, write_whole};
 use crate::shots;
-use crate::wearers;
+use crate::wearers::Wearer;
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Limited};
 use kitsuke_pipeline::ir::{self, Body};
@@ -12,18 +12,13 @@ use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
 use kitsuke_pipeline::measure::audit::{Audit, CLASSES_M, Depth, audit, deepest, pose_depths};
 use kitsuke_pipeline::measure::pose_space;
 use kitsuke_pipeline::measure::skirt::Legs;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// A line as soon as it is known; a reader such as `head` may have gone.
-macro_rules! say {
-    ($($line:tt)*) => { _ = writeln!(std::io::stdout(), $($line)*) };
-}
-
 /// Measure how deep the cloth lies in the wearer, and draw the worst pose
 #[derive(clap::Args)]
+#[command(mut_arg("body", |body| body.requires("wearer").help(BODY)))]
 pub struct Args {
     /// A kimono's ID
     #[arg(value_name = "ID", default_value = "komon")]
@@ -40,15 +35,8 @@ pub struct Args {
     /// Pose the wearer as recorded, even where the kimono would not let her
     #[arg(long, requires = "motion")]
     as_recorded: bool,
-    /// Fit the kimono to the Nth body of a table, from 1, and measure it on that body
-    #[arg(long, value_name = "FILE#N", requires = "wearer")]
-    body: Option<String>,
-    /// That body itself, a GLB in the T-pose; without a skin it must be the kimono's own body in another shape
-    #[arg(long, value_name = "GLB", requires = "body")]
-    wearer: Option<PathBuf>,
-    /// The rule set of the fit [default: the kimono's own]
-    #[arg(long, value_name = "NAME", requires = "body")]
-    rules: Option<String>,
+    #[command(flatten)]
+    wearer: Wearer,
     /// Where the picture goes [default: reports/ in --catalog]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -57,6 +45,9 @@ pub struct Args {
     #[command(flatten)]
     places: Places,
 }
+
+/// What `--body` does here.
+const BODY: &str = "Fit the kimono to the Nth body of a table, from 1, and measure it on that body";
 
 /// Deeper than this is marked red, metres.
 const MARKED_M: f32 = 0.002;
@@ -68,27 +59,20 @@ pub fn run(args: Args) -> ExitCode {
 
 fn report(args: &Args) -> Result<(), String> {
     let pack = args.places.open(&args.garment)?;
-    let id = &pack.garment().data().id;
-    let source = args.places.source(id).ok_or("the body is needed to measure against")?;
-    let worn = args.body.as_ref().zip(args.wearer.as_ref()).map(|(body, glb)| {
-        let fitted = wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())?;
-        let source = wearers::worn_by(source.clone(), &fitted, glb, body)?;
-        Ok::<_, String>((fitted.garment, source))
-    });
-    let worn = worn.transpose()?;
-    let (garment, source) = worn.as_ref().map_or((pack.garment(), &source), |(garment, source)| (garment, source));
+    let (garment, source) = args.wearer.garment_and_source(&args.places, &pack)?;
+    let source = source.ok_or("the body is needed to measure against")?;
     if !args.motion.is_empty() {
-        return motions(args, garment, source);
+        return motions(args, &garment, &source);
     }
-    let poses = pose_space::poses(garment, 0, args.poses as usize);
+    let poses = pose_space::poses(&garment, 0, args.poses as usize);
     let began = Instant::now();
-    let found = audit(&source.body, garment, &poses);
+    let found = audit(&source.body, &garment, &poses);
     say!("{} poses in {:.0} s", poses.len(), began.elapsed().as_secs_f64());
-    print_audit(garment, &source.body, &found);
-    print_samples(garment, &source.body);
+    print_audit(&garment, &source.body, &found);
+    print_samples(&garment, &source.body);
 
-    let picture = draw(garment, source, &poses, &found)?;
-    let name = [Some(id.clone()), args.body.as_deref().map(wearers::file_part)].into_iter().flatten();
+    let picture = draw(&garment, &source, &poses, &found)?;
+    let name = [Some(garment.data().id.clone()), args.wearer.file_part()].into_iter().flatten();
     let name = format!("{}-audit.png", name.collect::<Vec<_>>().join("_"));
     let path = args.out.clone().unwrap_or_else(|| args.places.catalog.join("reports")).join(name);
     write_whole(&path, |out| out.write_all(&picture))?;
@@ -112,7 +96,7 @@ fn motions(args: &Args, garment: &Garment, source: &ir::Garment) -> Result<(), S
     let legs = Legs::new(garment, source);
     for path in &args.motion {
         let recording = shots::recording(path, &garment.data().skeleton, args.read_as)?;
-        let step = recording.frames.len().div_ceil(args.frames as usize).max(1);
+        let step = shots::step(recording.frames.len(), args.frames as usize);
         let frames = recording.frames.iter().step_by(step);
         let limited: Vec<Limited> = frames.map(|frame| garment.limited(&frame.pose)).collect();
         let recorded = recording.frames.iter().step_by(step).map(|frame| frame.pose.sanitised());

@@ -1,24 +1,19 @@
 //! `cargo xtask covered`: which skin of the wearer an app need not draw under the kimono.
 
-use crate::places::{Places, ended, write_whole};
+use crate::places::{Places, ended, say, write_whole};
 use crate::shots::{self, How, ReadAs};
-use crate::wearers;
+use crate::wearers::Wearer;
 use kitsuke::Garment;
 use kitsuke::skeleton::Pose;
 use kitsuke_pipeline::ir::Body;
 use kitsuke_pipeline::look::frames::npy_header_of;
 use kitsuke_pipeline::measure::covered::{Limb, area_m2, covered, limb, seen};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// A line as soon as it is known; a reader such as `head` may have gone.
-macro_rules! say {
-    ($($line:tt)*) => { _ = writeln!(std::io::stdout(), $($line)*) };
-}
-
 /// Say which skin the kimono always covers, so that an app can leave it out and less skin shows through the cloth
 #[derive(clap::Args)]
+#[command(mut_arg("body", |body| body.requires("wearer")))]
 pub struct Args {
     /// A kimono's ID
     #[arg(value_name = "ID", default_value = "komon")]
@@ -33,15 +28,8 @@ pub struct Args {
     /// Look at no more frames of a motion than this, evenly spaced
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..), requires = "motion")]
     frames: u32,
-    /// Fit the kimono to the Nth body of a table, from 1
-    #[arg(long, value_name = "FILE#N", requires = "wearer")]
-    body: Option<String>,
-    /// That body itself, a GLB in the T-pose; without a skin it must be the kimono's own body in another shape
-    #[arg(long, value_name = "GLB", requires = "body")]
-    wearer: Option<PathBuf>,
-    /// The rule set of the fit [default: the kimono's own]
-    #[arg(long, value_name = "NAME", requires = "body")]
-    rules: Option<String>,
+    #[command(flatten)]
+    wearer: Wearer,
     #[command(flatten)]
     read_as: ReadAs,
     #[command(flatten)]
@@ -56,21 +44,15 @@ pub fn run(args: Args) -> ExitCode {
 fn report(args: &Args) -> Result<(), String> {
     let write = args.out.as_deref().map(|path| Ok::<_, String>((path, Format::of(path)?))).transpose()?;
     let pack = args.places.open(&args.garment)?;
-    let source = args.places.source(&pack.garment().data().id).ok_or("the body is needed to know its skin")?;
-    let worn = args.body.as_ref().zip(args.wearer.as_ref()).map(|(body, glb)| {
-        let fitted = wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())?;
-        let source = wearers::worn_by(source.clone(), &fitted, glb, body)?;
-        Ok::<_, String>((fitted.garment, source))
-    });
-    let worn = worn.transpose()?;
-    let (garment, source) = worn.as_ref().map_or((pack.garment(), &source), |(garment, source)| (garment, source));
-    let mask = covered(garment, &source.body);
+    let (garment, source) = args.wearer.garment_and_source(&args.places, &pack)?;
+    let source = source.ok_or("the body is needed to know its skin")?;
+    let mask = covered(&garment, &source.body);
     if let Some((path, format)) = write {
         write_whole(path, |out| out.write_all(&format.bytes(&mask)))?;
         say!("{}: {} vertices", path.display(), mask.len());
     }
     print_mask(&source.body, &mask);
-    motions(args, garment, &source.body, &mask)
+    motions(args, &garment, &source.body, &mask)
 }
 
 /// How a mask is written.
@@ -129,7 +111,7 @@ fn motions(args: &Args, garment: &Garment, body: &Body, mask: &[bool]) -> Result
     for path in &args.motion {
         let how = How { root_motion: false, as_recorded: false, filter: None, read_as: args.read_as };
         let shots = shots::motion(path, garment, garment.kernel(), how)?;
-        let step = shots.len().div_ceil(args.frames as usize).max(1);
+        let step = shots::step(shots.len(), args.frames as usize);
         let poses: Vec<Pose> = shots.into_iter().step_by(step).map(|shot| shot.pose).collect();
         let found = seen(garment, body, mask, &poses);
         let figures = |cm2: &dyn Fn(usize) -> f32| {

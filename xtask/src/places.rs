@@ -97,6 +97,16 @@ pub fn printed(text: Result<String, String>) -> ExitCode {
     ended(text.map(|text| _ = std::io::stdout().write_all(text.as_bytes())))
 }
 
+/// Says a line as soon as it is known.
+macro_rules! say {
+    // A reader such as `head` may have gone.
+    ($($line:tt)*) => {{
+        use std::io::Write;
+        _ = writeln!(std::io::stdout(), $($line)*);
+    }};
+}
+pub(crate) use say;
+
 /// Writes a file beside its place and renames it, so that nobody sees half of it.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), String> {
     let beside = path.with_added_extension(format!("{}.part", std::process::id()));

@@ -2,7 +2,7 @@
 
 use crate::places::{Places, ended, write_whole};
 use crate::shots::{self, FilterName, KernelName};
-use crate::wearers;
+use crate::wearers::Wearer;
 use clap::ValueEnum;
 use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::look::frames::{Blend, Shot, Stage, own_poses};
@@ -14,6 +14,7 @@ use std::process::ExitCode;
 
 /// Draw a contact sheet per kimono: base and targets from front, side and back, as one PNG
 #[derive(clap::Args)]
+#[command(mut_arg("body", |body| body.help(BODY)))]
 pub struct Args {
     /// Kimono IDs or pack paths [default: every folder in --assets that holds a garment.toml]
     #[arg(value_name = "ID")]
@@ -42,15 +43,8 @@ pub struct Args {
     /// From where
     #[arg(long, value_delimiter = ',', default_values = ["front", "side", "back"])]
     views: Vec<ViewName>,
-    /// Fit the kimono to the Nth body of a table, from 1, and draw it without the wearer unless --wearer names her
-    #[arg(long, value_name = "FILE#N")]
-    body: Option<String>,
-    /// That body itself, a GLB in the T-pose; without a skin it must be the kimono's own body in another shape
-    #[arg(long, value_name = "GLB", requires = "body")]
-    wearer: Option<PathBuf>,
-    /// The rule set of the fit [default: the kimono's own]
-    #[arg(long, value_name = "NAME", requires = "body")]
-    rules: Option<String>,
+    #[command(flatten)]
+    wearer: Wearer,
     /// Draw the wearer's skin under the cloth, too, which shows where cloth lies in the body
     #[arg(long)]
     all_skin: bool,
@@ -74,6 +68,10 @@ pub struct Args {
     #[command(flatten)]
     places: Places,
 }
+
+/// What `--body` does here.
+const BODY: &str =
+    "Fit the kimono to the Nth body of a table, from 1, and draw it without the wearer unless --wearer names her";
 
 #[derive(Clone, Copy, ValueEnum)]
 enum ViewName {
@@ -108,17 +106,10 @@ pub fn run(args: Args) -> ExitCode {
 
 fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let pack = args.places.open(id_or_path)?;
-    let fitted = args.body.as_ref();
-    let fitted = fitted.map(|body| wearers::fitted_to(&args.places, &pack, body, args.rules.as_deref())).transpose()?;
-    let garment = fitted.as_ref().map_or(pack.garment(), |fitted| &fitted.garment);
-    let id = &garment.data().id;
-    let mut source = args.places.source(id);
-    if let (Some(fitted), Some(body), Some(glb)) = (&fitted, &args.body, &args.wearer) {
-        let base = source.ok_or("the kimono's own body is needed to know where its cloth lies on the skin")?;
-        source = Some(wearers::worn_by(base, fitted, glb, body)?);
-    }
+    let (garment, source) = args.wearer.garment_and_source(&args.places, &pack)?;
+    let garment = &garment;
     let mut scene = Scene::new(garment, source.as_ref());
-    if fitted.is_some() && args.wearer.is_none() {
+    if args.wearer.is_unseen() {
         // Body and obi of the source are another wearer's.
         scene = scene.unworn();
     } else if let Some(source) = source.as_ref().filter(|_| !args.all_skin) {
@@ -170,8 +161,8 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     let motion = shown.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let kind = if args.colours == ColoursName::Cloth { None } else { args.colours.to_possible_value() };
     let name = [
-        Some(id.clone()),
-        args.body.as_deref().map(wearers::file_part),
+        Some(garment.data().id.clone()),
+        args.wearer.file_part(),
         motion.map(Into::into),
         kind.map(|kind| kind.get_name().to_owned()),
     ];

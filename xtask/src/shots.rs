@@ -112,6 +112,11 @@ pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Resul
     Ok(poses.into_iter().enumerate().map(shot).collect())
 }
 
+/// Every how many frames one is taken, so that of these no more than `most` are, evenly spaced.
+pub fn step(frames: usize, most: usize) -> usize {
+    frames.div_ceil(most).max(1)
+}
+
 /// Reads a recorded motion of any known format, and says how it was understood, so that a wrong guess is seen.
 pub fn recording(path: &Path, wearer: &Skeleton, read_as: ReadAs) -> Result<Recording, String> {
     let recording = recording::read_with(&read(path)?, wearer, read_as.options());

@@ -112,7 +112,7 @@ fn recorded(garment: &Garment, motions: &[PathBuf], read_as: shots::ReadAs) -> R
     let mut poses = Vec::new();
     for path in motions {
         let recording = shots::recording(path, &garment.data().skeleton, read_as)?;
-        let step = (recording.frames.len() * motions.len()).div_ceil(POSES).max(1);
+        let step = shots::step(recording.frames.len() * motions.len(), POSES);
         poses.extend(recording.frames.iter().step_by(step).map(|frame| garment.limited(&frame.pose).pose));
     }
     Ok(poses)
