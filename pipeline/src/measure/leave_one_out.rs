@@ -94,22 +94,35 @@ impl Method {
 pub fn errors(garment: &Garment, method: Method) -> Result<Vec<Error>, StageError> {
     let garment = &Garment::new(without_correctives(garment.data())).map_err(invalid)?;
     let data = garment.data();
-    let layers = data.rbf.iter().flat_map(|rbf| &rbf.layers).enumerate();
-    let shapes: Vec<Vec<Shapes>> =
-        layers.map(|(number, layer)| shapes(data, number, &kernel::limbs_and_scales(layer).0)).collect();
-    (0..data.targets.len()).into_par_iter().map(|left_out| error_of(garment, &shapes, method, left_out)).collect()
+    let of_layer = |(number, layer): (usize, &RbfLayer)| shapes(data, number, &kernel::limbs_and_scales(layer).0);
+    // The other methods know the samples' poses alone.
+    let shapes: Option<Vec<Vec<Shapes>>> =
+        (method == Method::Default).then(|| layers(data).iter().enumerate().map(of_layer).collect());
+    let error = |left_out| error_of(garment, shapes.as_deref(), method, left_out);
+    (0..data.targets.len()).into_par_iter().map(error).collect()
 }
 
 fn invalid(error: InvalidGarment) -> StageError {
     StageError::new("leave-one-out", error.to_string())
 }
 
-fn error_of(garment: &Garment, shapes: &[Vec<Shapes>], method: Method, left_out: usize) -> Result<Error, StageError> {
+/// The layers of the default kernel.
+fn layers(data: &GarmentData) -> &[RbfLayer] {
+    data.rbf.as_ref().map_or(&[], |rbf| &rbf.layers)
+}
+
+/// `shapes` are those of the default kernel, where it is the method.
+fn error_of(
+    garment: &Garment,
+    shapes: Option<&[Vec<Shapes>]>,
+    method: Method,
+    left_out: usize,
+) -> Result<Error, StageError> {
     let data = garment.data();
     let pose = data.poses.pose(left_out + 1);
     let rest = without(data, shapes, left_out)?;
     let mut rates = Rates::new(rest.data());
-    predict(&rest, method, &pose, &mut rates);
+    predict(&rest, layers(data), method, &pose, &mut rates);
     let predicted_m = positions(&rest, &pose, &rates);
     let mut alone = Rates::new(garment.data());
     (0..data.drivers.len()).for_each(|driver| alone.set(driver, left_out, 1.0));
@@ -138,7 +151,7 @@ pub fn unseen_errors(garment: &Garment, method: Method, shapes: &[Unseen]) -> Re
     let garment = Garment::new(without_correctives(garment.data())).map_err(invalid)?;
     let error = |shape: &Unseen| {
         let mut rates = Rates::new(garment.data());
-        predict(&garment, method, &shape.pose.with_arms_untwisted(), &mut rates);
+        predict(&garment, layers(garment.data()), method, &shape.pose.with_arms_untwisted(), &mut rates);
         let predicted_m = positions(&garment, &shape.pose, &rates);
         apart(shape.name.clone(), &predicted_m[..garment.unique_count()], &shape.positions_m)
     };
@@ -166,14 +179,14 @@ fn positions(garment: &Garment, pose: &Pose, rates: &Rates) -> Vec<Vec3> {
     positions_m
 }
 
-/// The garment without one target and its row; the default kernel keeps its scales.
-fn without(data: &GarmentData, shapes: &[Vec<Shapes>], target: usize) -> Result<Garment, StageError> {
+/// The garment without one target and its row, with the default kernel where its shapes are given; that keeps its scales.
+fn without(data: &GarmentData, shapes: Option<&[Vec<Shapes>]>, target: usize) -> Result<Garment, StageError> {
     let mut rest = data.clone();
     rest.targets.remove(target);
     let bones = rest.poses.bones.len();
     rest.poses.rotations.drain((target + 1) * bones..(target + 2) * bones);
     (rest.rbf, rest.certificate) = (None, None);
-    if let Some(rbf) = &data.rbf {
+    if let (Some(rbf), Some(shapes)) = (&data.rbf, shapes) {
         let layer = |(number, layer): (usize, &RbfLayer)| {
             let (limbs, scales) = kernel::limbs_and_scales(layer);
             let place = rbf::rows_of_layer(data, number).iter().position(|&row| row == target + 1);
@@ -186,8 +199,8 @@ fn without(data: &GarmentData, shapes: &[Vec<Shapes>], target: usize) -> Result<
     Garment::new(rest).map_err(invalid)
 }
 
-/// The rates of a method in a pose, layer by layer.
-fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
+/// The rates of a method in a pose, layer by layer; limbs and scales are those of the default kernel's `layers`.
+fn predict(garment: &Garment, layers: &[RbfLayer], method: Method, pose: &Pose, rates: &mut Rates) {
     match method {
         Method::Default => return garment.blend_rates(garment.kernel(), pose, rates),
         Method::Paper => return garment.blend_rates(Kernel::Paper, pose, rates),
@@ -195,7 +208,7 @@ fn predict(garment: &Garment, method: Method, pose: &Pose, rates: &mut Rates) {
         _ => {}
     }
     let data = garment.data();
-    for (number, layer) in data.rbf.iter().flat_map(|rbf| rbf.layers.iter().enumerate()) {
+    for (number, layer) in layers.iter().enumerate() {
         // Ways that are not exact would move a layer that rests; that is not what is compared.
         if layer.groups.iter().flat_map(bones).all(|bone| is_rest(rotation(pose, bone))) {
             continue;

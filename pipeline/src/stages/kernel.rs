@@ -239,7 +239,7 @@ fn tune(
         return Ok(start);
     }
     let first = to_logarithms(&start);
-    let blends = shapes.iter().map(|shapes| (0..rows.len()).map(|row| shapes.blends_without(row)).collect()).collect();
+    let blends = shapes.iter().map(|shapes| (1..rows.len()).map(|row| shapes.blends_without(row)).collect()).collect();
     let search = Search { data, rows, limbs, settings, start: first.clone(), shapes, blends };
     let mut simplex = vec![first.clone()];
     for i in 0..first.len() {
@@ -269,7 +269,7 @@ struct Search<'a> {
     start: Vec<f64>,
     /// Per limb.
     shapes: &'a [Shapes],
-    /// Per limb and left-out row: [`Shapes::blends_without`].
+    /// Per limb and left-out row, the base never among them: [`Shapes::blends_without`].
     blends: Vec<Vec<Vec<f64>>>,
 }
 
@@ -287,11 +287,11 @@ impl CostFunction for Search<'_> {
         let mut sum = 0.0;
         for (limb, (shapes, blends)) in self.shapes.iter().zip(&self.blends).enumerate() {
             let Some(own) = distances.own_system(limb, &scales).inverse() else { return Ok(f64::INFINITY) };
-            for left_out in 1..samples {
+            for (left_out, blends) in (1..samples).zip(blends) {
                 let rates = rates_without(&own, &joint, samples, left_out, scales.ridge);
                 let (rates, mirrored) = rates.split_at(samples);
                 let mut apart = rates.to_vec();
-                for (rate, blend) in mirrored.iter().zip(blends[left_out].chunks_exact(samples)) {
+                for (rate, blend) in mirrored.iter().zip(blends.chunks_exact(samples)) {
                     apart.iter_mut().zip(blend).for_each(|(apart, share)| *apart += rate * share);
                 }
                 apart[left_out] -= 1.0;
