@@ -10,10 +10,13 @@
 //! Variances become millimetres by what the certificate knows: each target's error when it was left out, beside its variance then.
 
 use crate::stages::StageError;
+use crate::stages::kernel::{left_out_together, own_system, squared_distances};
 use crate::stages::matrix::Matrix;
 use kitsuke::Garment;
 use kitsuke::arrays::{GarmentData, Group, RbfLayer};
-use kitsuke::pose_blend::rbf::{embed_poses, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance};
+use kitsuke::pose_blend::rbf::{
+    embed_known, embed_poses, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance,
+};
 use kitsuke::skeleton::{Bone, Pose};
 use rayon::prelude::*;
 
@@ -111,29 +114,16 @@ impl Known {
     /// `None` where samples cannot be told apart.
     fn new(data: &GarmentData, layer: usize, kernel: &RbfLayer, group: &Group) -> Option<Known> {
         let rows = rows_of_layer(data, layer);
-        let pose = |&row: &usize| data.poses.pose(row);
-        let mut places = embed_poses(&group.chain, rows.iter().map(pose));
-        if group.mirror.is_some() {
-            places.extend(embed_poses(&group.chain, rows[1..].iter().map(|row| pose(row).mirrored())));
-        }
+        let places = embed_known(&group.chain, group.mirror.is_some(), &data.poses, &rows);
         let length = embedding_length(&group.chain);
         let ridges = [kernel.ridge, kernel.mirror_ridge];
-        let ridge = |row: usize| ridges[usize::from(row >= rows.len())];
-        let near = |i: usize, j: usize| {
-            let place = |row: usize| &places[row * length..(row + 1) * length];
-            inverse_multiquadric(squared_distance(place(i), place(j)))
-        };
-        let count = places.len() / length;
-        let system = Matrix::new(count, |i, j| near(i, j) + if i == j { ridge(i) } else { 0.0 });
+        let system = own_system(&squared_distances(&places, length), rows.len(), ridges);
         Some(Known { inverse: system.inverse()?, samples: rows.len(), places, length, ridges })
     }
 
     /// The variance of a sample's shape had neither it nor its mirror image been seen.
     fn variance_left_out(&self, row: usize) -> f64 {
-        let image = self.samples + row - 1;
-        let out = if image < self.inverse.size { vec![row, image] } else { vec![row] };
-        let inner = Matrix::new(out.len(), |i, j| self.inverse.at(out[i], out[j]));
-        inner.inverse().map_or(0.0, |inner| inner.at(0, 0) - self.ridges[0])
+        left_out_together(&self.inverse, self.samples, row).1.at(0, 0) - self.ridges[0]
     }
 }
 

@@ -19,7 +19,7 @@ use argmin::solver::neldermead::NelderMead;
 use glam::{DVec3, Quat};
 use kitsuke::arrays::{ChainJoint, GarmentData, Group, Rbf, RbfLayer};
 use kitsuke::pose_blend::rbf::{
-    embed_mirrored, embed_rows, embed_samples, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance,
+    embed_known, embed_rows, embed_samples, embedding_length, inverse_multiquadric, rows_of_layer, squared_distance,
     wendland,
 };
 use kitsuke::skeleton::{Bone, Skeleton};
@@ -310,10 +310,7 @@ impl CostFunction for Search<'_> {
 /// With C = (K + ridge)⁻¹ and B the rows left out, the rest predicts these rows with I - C_BB⁻¹ C_B (the formula of leave-one-out
 /// kriging, Dubrule 1983), and C without them is C - C_·B C_BB⁻¹ C_B·. The rates are those of [`interpolate`].
 fn rates_without(own: &Matrix, joint: &Matrix, samples: usize, left_out: usize, ridge: f64) -> Vec<f64> {
-    let mirrored = samples + left_out - 1;
-    let out = if mirrored < own.size { vec![left_out, mirrored] } else { vec![left_out] };
-    let inner = Matrix::new(out.len(), |i, j| own.at(out[i], out[j]));
-    let inverse = inner.inverse().expect("a part of a positive definite matrix is positive definite");
+    let (out, inverse) = left_out_together(own, samples, left_out);
     // What is left of the other samples, near them: ψ J⁻¹ ridge (K + ridge)⁻¹.
     let near: Vec<f64> = (0..samples)
         .map(|row| if row == left_out { 0.0 } else { -ridge * joint.at(left_out, row) / joint.at(left_out, left_out) })
@@ -492,6 +489,29 @@ fn chain(limb: &Limb, scales: &Scales) -> Vec<ChainJoint> {
     limb.chain.iter().map(joint).collect()
 }
 
+/// Squared distances of embeddings of this length.
+pub(crate) fn squared_distances(embeddings: &[f64], length: usize) -> Matrix {
+    let row = |i: usize| &embeddings[i * length..(i + 1) * length];
+    Matrix::new(embeddings.len() / length, |i, j| squared_distance(row(i), row(j)))
+}
+
+/// K + ridge of all that a limb knows, from its squared distances: so many samples, the base first, then the mirrored ones, which have
+/// the second ridge.
+pub(crate) fn own_system(squared_distances: &Matrix, samples: usize, ridges: [f64; 2]) -> Matrix {
+    let ridge = |i, j| if i == j { ridges[usize::from(i >= samples)] } else { 0.0 };
+    Matrix::new(squared_distances.size, |i, j| inverse_multiquadric(squared_distances.at(i, j)) + ridge(i, j))
+}
+
+/// The rows of a sample and of its mirror image, if a limb knows that, and how their shapes vary, ridges included, had neither been seen:
+/// with C the inverse of the limb's own system, C_BB⁻¹.
+pub(crate) fn left_out_together(own: &Matrix, samples: usize, left_out: usize) -> (Vec<usize>, Matrix) {
+    let mirrored = samples + left_out - 1;
+    let out = if mirrored < own.size { vec![left_out, mirrored] } else { vec![left_out] };
+    let inner = Matrix::new(out.len(), |i, j| own.at(out[i], out[j]));
+    let inverse = inner.inverse().expect("a part of a positive definite matrix is positive definite");
+    (out, inverse)
+}
+
 /// Squared distances of all samples, the base first.
 struct Distances {
     samples: usize,
@@ -509,12 +529,7 @@ impl Distances {
             .map(|limb| {
                 let chain = chain(limb, scales);
                 let length = embedding_length(&chain);
-                let mut embeddings = embed_samples(&chain, &data.poses, rows);
-                if limb.mirror.is_some() {
-                    embeddings.extend(embed_mirrored(&chain, &data.poses, rows));
-                }
-                let row = |i: usize| &embeddings[i * length..(i + 1) * length];
-                Matrix::new(embeddings.len() / length, |i, j| squared_distance(row(i), row(j)))
+                squared_distances(&embed_known(&chain, limb.mirror.is_some(), &data.poses, rows), length)
             })
             .collect();
         let summed = Matrix::new(samples, |i, j| own.iter().map(|own| own.at(i, j)).sum());
@@ -522,13 +537,7 @@ impl Distances {
     }
 
     fn own_system(&self, limb: usize, scales: &Scales) -> Matrix {
-        let ridge = |i, j| match (i == j, i < self.samples) {
-            (false, _) => 0.0,
-            (true, true) => scales.ridge,
-            (true, false) => scales.mirror_ridge,
-        };
-        let own = &self.own[limb];
-        Matrix::new(own.size, |i, j| inverse_multiquadric(own.at(i, j)) + ridge(i, j))
+        own_system(&self.own[limb], self.samples, [scales.ridge, scales.mirror_ridge])
     }
 
     fn joint_system(&self, scales: &Scales) -> Matrix {

@@ -114,10 +114,7 @@ impl Samples {
         let of_layer = |(number, layer): (usize, &RbfLayer)| {
             let rows = rows_of_layer(data, number);
             let embedded = |group: &Group| {
-                let mut samples = embed_samples(&group.chain, &data.poses, &rows);
-                if group.mirror.is_some() {
-                    samples.extend(embed_mirrored(&group.chain, &data.poses, &rows));
-                }
+                let samples = embed_known(&group.chain, group.mirror.is_some(), &data.poses, &rows);
                 Embedded { samples, centres: embed_rows(&group.chain, &group.centres) }
             };
             layer.groups.iter().map(embedded).collect()
@@ -164,10 +161,15 @@ pub fn embed_samples(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) ->
     embed_poses(chain, rows.iter().map(|&row| poses.pose(row)))
 }
 
-/// The embeddings of these rows but the first, the base, as the other side does them ([`Pose::mirrored`]).
+/// The embeddings of all samples that a group knows: those of these rows, the base first, then, where it has a mirror, all but the base as
+/// the other side does them ([`Pose::mirrored`]).
 #[must_use]
-pub fn embed_mirrored(chain: &[ChainJoint], poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
-    embed_poses(chain, rows.iter().skip(1).map(|&row| poses.pose(row).mirrored()))
+pub fn embed_known(chain: &[ChainJoint], has_mirror: bool, poses: &PoseTable, rows: &[usize]) -> Vec<f64> {
+    let mut embeddings = embed_samples(chain, poses, rows);
+    if has_mirror {
+        embeddings.extend(embed_poses(chain, rows.iter().skip(1).map(|&row| poses.pose(row).mirrored())));
+    }
+    embeddings
 }
 
 /// Working memory of [`rbf`], so that a frame allocates nothing.
