@@ -4,6 +4,7 @@
 use crate::ir::Body;
 use crate::look::frames::{Blend, Shot, Stage, own_poses};
 use crate::look::raster::smooth_normals;
+use crate::stages::laplacian::Neighbours;
 use glam::Vec3;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Scratch, evaluate};
@@ -47,10 +48,9 @@ pub fn covered(garment: &Garment, body: &Body) -> Vec<bool> {
     for shot in own_poses(garment) {
         under = under_cloth(&under, garment, body, &twins, &mut stage, &shot);
     }
-    let mut covered = vec![false; body.skin.len()];
-    under.iter().for_each(|&v| covered[v as usize] = true);
-    without_rim(&mut covered, body, &twins);
-    twins.first.iter().map(|&v| covered[v as usize]).collect()
+    let mut covered: Vec<bool> = twins.first.iter().map(|first| under.binary_search(first).is_ok()).collect();
+    without_rim(&mut covered, body);
+    covered
 }
 
 /// A part of the wearer that clothes cover.
@@ -245,12 +245,9 @@ impl Twins {
 }
 
 /// Takes what lies no farther than [`RIM_M`] from skin that is not covered, along edges, out of the mask.
-fn without_rim(covered: &mut [bool], body: &Body, twins: &Twins) {
+fn without_rim(covered: &mut [bool], body: &Body) {
     let positions_m = &body.surface.positions_m;
-    let mut neighbours: Vec<[u32; 2]> =
-        twins.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]).collect();
-    neighbours.sort_unstable();
-    neighbours.dedup();
+    let neighbours = Neighbours::new(positions_m, &body.surface.triangles);
     let mut away_m: Vec<f32> = covered.iter().map(|&covered| if covered { f32::MAX } else { 0.0 }).collect();
     // Distances are not negative, so their bits are in their order.
     let open = (0..covered.len() as u32).filter(|&v| !covered[v as usize]);
@@ -259,8 +256,7 @@ fn without_rim(covered: &mut [bool], body: &Body, twins: &Twins) {
         if away_m[v as usize].to_bits() < bits {
             continue;
         }
-        let first = neighbours.partition_point(|edge| edge[0] < v);
-        for &[_, to] in neighbours[first..].iter().take_while(|edge| edge[0] == v) {
+        for &to in neighbours.of(v as usize) {
             let to_m = away_m[v as usize] + positions_m[v as usize].distance(positions_m[to as usize]);
             if to_m <= RIM_M && to_m < away_m[to as usize] {
                 away_m[to as usize] = to_m;

@@ -105,15 +105,8 @@ impl Shapes {
 /// The deltas of a target, for every unique vertex, metres.
 fn deltas_m(data: &GarmentData, target: &Target) -> Vec<Vec3> {
     let mut deltas_m = vec![Vec3::ZERO; data.mesh.positions_m.len()];
-    let (mut first, mut steps) = (0, target.deltas.iter());
-    for (number, segment) in data.segments.iter().enumerate() {
-        let count = segment.vertex_count as usize;
-        if target.segments.contains(&(number as u16)) {
-            for (delta_m, step) in deltas_m[first..first + count].iter_mut().zip(&mut steps) {
-                *delta_m = Vec3::from_array(step.map(f32::from)) * target.step_m;
-            }
-        }
-        first += count;
+    for (v, step) in target.vertices(&data.segments).zip(&target.deltas) {
+        deltas_m[v] = Vec3::from_array(step.map(f32::from)) * target.step_m;
     }
     deltas_m
 }

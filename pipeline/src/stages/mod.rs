@@ -8,7 +8,7 @@ mod error;
 pub mod fit_data;
 pub mod hanging;
 pub mod kernel;
-mod laplacian;
+pub(crate) mod laplacian;
 pub(crate) mod matrix;
 pub mod mirror;
 pub(crate) mod numbers;

@@ -146,6 +146,18 @@ pub struct Target {
     pub deltas: Vec<[i16; 3]>,
 }
 
+impl Target {
+    /// The unique vertices that this target moves, in the order of its deltas; `segments` are the garment's.
+    pub fn vertices(&self, segments: &[Segment]) -> impl Iterator<Item = usize> {
+        let runs = segments.iter().scan(0, |next, segment| {
+            let first = *next;
+            *next += segment.vertex_count as usize;
+            Some(first..*next)
+        });
+        runs.zip(0..).filter(|(_, number)| self.segments.contains(number)).flat_map(|(run, _)| run)
+    }
+}
+
 /// The sampled poses: row 0 is the base (T-pose), row `k + 1` belongs to target `k`. Correctives have
 /// no row.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,7 +6,7 @@
 //! turned vertex by vertex, stretch sleeves that are wider or longer than the base's two to four times as much.
 
 use super::FitData;
-use crate::arrays::{GarmentData, InvalidGarment, Target, check_length};
+use crate::arrays::{GarmentData, InvalidGarment, check_length};
 use crate::envelope_cholesky::FactorError;
 use crate::garment::Garment;
 use crate::skeleton::{Joint, Skeleton};
@@ -122,16 +122,12 @@ impl Transfer {
         let hanging = data.skeleton.hanging().to_vec();
         let skeleton = Skeleton::new(joints).and_then(|skeleton| skeleton.with_hanging(hanging));
         let skeleton = skeleton.map_err(InvalidGarment::Skeleton)?;
-        let mut starts = vec![0];
-        for segment in &data.segments {
-            starts.push(starts[starts.len() - 1] + segment.vertex_count as usize);
-        }
         let mut data = GarmentData { skeleton, certificate: None, ..data.clone() };
         let mut block = Block::new(positions_m.len(), self.unknowns);
         for targets in data.targets.chunks_mut(TOGETHER) {
             block.deltas_m.fill([Vec3::ZERO; TOGETHER]);
             for (at, target) in targets.iter().enumerate() {
-                for (v, delta) in moved(target, &starts).zip(&target.deltas) {
+                for (v, delta) in target.vertices(&data.segments).zip(&target.deltas) {
                     block.deltas_m[v][at] = Vec3::from_array(delta.map(f32::from)) * target.step_m;
                 }
             }
@@ -139,11 +135,11 @@ impl Transfer {
             for (at, target) in targets.iter_mut().enumerate() {
                 let delta_m = |v: usize| block.deltas_m[v][at];
                 let largest_m =
-                    moved(target, &starts).fold(0.0, |most: f32, v| most.max(delta_m(v).abs().max_element()));
+                    target.vertices(&data.segments).fold(0.0, |most: f32, v| most.max(delta_m(v).abs().max_element()));
                 // Where steps no longer fit into 16 bits they become coarser.
                 let step_m = target.step_m.max(largest_m / f32::from(i16::MAX));
                 let steps = |v: usize| (delta_m(v) / step_m).round().to_array().map(|step| step as i16);
-                target.deltas = moved(target, &starts).map(steps).collect();
+                target.deltas = target.vertices(&data.segments).map(steps).collect();
                 target.step_m = step_m;
             }
         }
@@ -197,11 +193,6 @@ impl Block {
         let rows = vec![[0.0; COLUMNS]; unknowns];
         Block { deltas_m: vec![[Vec3::ZERO; TOGETHER]; vertices], wanted: rows.clone(), scratch: rows }
     }
-}
-
-/// The vertices that a target moves, in the order of its deltas; segments begin at `starts`.
-fn moved(target: &Target, starts: &[usize]) -> impl Iterator<Item = usize> {
-    target.segments.iter().flat_map(|&segment| starts[usize::from(segment)]..starts[usize::from(segment) + 1])
 }
 
 /// Adds to the columns of one target.
