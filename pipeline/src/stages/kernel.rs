@@ -300,9 +300,13 @@ impl CostFunction for Search<'_> {
         }
         let count = (samples - 1) * self.limbs.len();
         let strayed: f64 = logarithms.iter().zip(&self.start).map(|(a, b)| (a - b) * (a - b)).sum();
-        Ok(sum / count as f64 * (1.0 + 3e-3 * strayed))
+        Ok(sum / count as f64 * (1.0 + STRAYING * strayed))
     }
 }
+
+/// What leaving the start costs the search, as a share of the error: an e-fold change of a scale must gain more than this. Else scales
+/// that hardly matter would end wherever the simplex happened to shrink.
+const STRAYING: f64 = 3e-3;
 
 /// What every row that a limb knows counts in the pose of a sample, had the layer been fitted without this sample and its mirror image:
 /// rows of the samples, then of the mirrored ones. `own` and `joint` are the inverses of the systems with it.
@@ -594,7 +598,7 @@ mod tests {
             let samples: Vec<usize> = kept.iter().copied().filter(|&row| row < 4).collect();
             let inverse = Matrix::new(5, |i, j| own(kept[i], kept[j])).inverse().unwrap();
             let near: Vec<f64> = samples.iter().map(|&row| wendland(squared(left_out, row), 1.0)).collect();
-            let near = Matrix::new(3, |i, j| joint(samples[i], samples[j])).solve(&near).unwrap();
+            let near = Matrix::new(3, |i, j| joint(samples[i], samples[j])).cholesky().unwrap().solve_twice(&near);
             let mut wanted = vec![0.0; 7];
             for (j, &row) in kept.iter().enumerate() {
                 let phi: f64 =

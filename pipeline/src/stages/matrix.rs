@@ -76,19 +76,9 @@ impl Matrix {
         (0..self.size).map(|i| self.row(i).iter().zip(x).map(|(a, x)| a * x).sum()).collect()
     }
 
-    /// The product with another matrix of this size.
-    pub fn times(&self, other: &Matrix) -> Matrix {
-        Matrix::new(self.size, |i, j| (0..self.size).map(|k| self.at(i, k) * other.at(k, j)).sum())
-    }
-
     /// x · M x.
     pub fn quadratic_form(&self, x: &[f64]) -> f64 {
         self.times_vector(x).iter().zip(x).map(|(a, x)| a * x).sum()
-    }
-
-    /// All entries but those of the first column, row by row.
-    pub fn without_first_column(&self) -> Vec<f64> {
-        (0..self.size).flat_map(|i| &self.row(i)[1..]).copied().collect()
     }
 
     /// The lower Cholesky factor, if the matrix is symmetric and positive definite.
@@ -106,11 +96,6 @@ impl Matrix {
             }
         }
         Some(factor)
-    }
-
-    /// The solution of `self x = b`.
-    pub fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
-        Some(self.cholesky()?.solve_twice(b))
     }
 
     /// The solution of `L Lᵀ x = b` for this lower factor `L`.

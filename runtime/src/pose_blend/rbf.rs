@@ -132,14 +132,8 @@ pub fn rows_of_layer(data: &GarmentData, layer: usize) -> Vec<usize> {
 /// The embeddings of poses that are given as the rotations of the chain's joints, one after the other.
 #[must_use]
 pub fn embed_rows(chain: &[ChainJoint], rotations: &[Quat]) -> Vec<f64> {
-    let length = embedding_length(chain);
-    let rows = rotations.chunks_exact(chain.len().max(1));
-    let mut embeddings = vec![0.0; length * rows.len()];
-    for (row, embedding) in rows.zip(embeddings.chunks_exact_mut(length.max(1))) {
-        let place = |bone| chain.iter().position(|joint| joint.bone == bone).expect("asked for joints of the chain");
-        embed(chain, |bone| row[place(bone)].as_dquat().normalize(), embedding);
-    }
-    embeddings
+    let pose = |row: &[Quat]| chain.iter().zip(row).fold(Pose::REST, |pose, (joint, &q)| pose.with(joint.bone, q));
+    embed_poses(chain, rotations.chunks_exact(chain.len().max(1)).map(pose))
 }
 
 /// The embeddings of poses, one after the other.
