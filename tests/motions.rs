@@ -40,6 +40,18 @@ pub fn wearer() -> Skeleton {
     Skeleton::new(joints.iter().map(joint).collect()).expect("the wearer is a skeleton")
 }
 
+/// Upper and lower arms and legs: what every input tells.
+pub const LIMBS: [Bone; 8] = [
+    Bone::LeftUpperArm,
+    Bone::LeftLowerArm,
+    Bone::RightUpperArm,
+    Bone::RightLowerArm,
+    Bone::LeftUpperLeg,
+    Bone::LeftLowerLeg,
+    Bone::RightUpperLeg,
+    Bone::RightLowerLeg,
+];
+
 /// Seconds from one pose of [`dance`] to the next.
 pub const DANCE_FRAME_S: f64 = 1.0 / 60.0;
 

@@ -6,7 +6,7 @@ use kitsuke::skeleton::filter::{Filter, FilterState, Holt, OneEuro};
 use kitsuke::skeleton::positions::{FADE_S, Layout, Solver};
 use kitsuke::skeleton::recording::{self, Format, Recording};
 use kitsuke::skeleton::{Bone, Pose, Tracked, jsonl};
-use kitsuke_tests::motions::{self, DANCE_FRAME_S, Posed, apart_deg, dance, wearer};
+use kitsuke_tests::motions::{self, DANCE_FRAME_S, LIMBS, Posed, apart_deg, dance, wearer};
 use std::path::PathBuf;
 
 fn read(bytes: &[u8]) -> Recording {
@@ -96,17 +96,6 @@ fn the_recorder_gives_back_the_same_bits() {
     }
     assert_eq!(again, text);
 }
-
-const LIMBS: [Bone; 8] = [
-    Bone::LeftUpperArm,
-    Bone::LeftLowerArm,
-    Bone::RightUpperArm,
-    Bone::RightLowerArm,
-    Bone::LeftUpperLeg,
-    Bone::LeftLowerLeg,
-    Bone::RightUpperLeg,
-    Bone::RightLowerLeg,
-];
 
 /// The dance as a camera of this layout sees it, in the recorder's lines.
 fn seen(layout: Layout) -> String {

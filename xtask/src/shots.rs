@@ -55,30 +55,15 @@ pub struct ReadAs {
     /// The axis of a BVH file that points up: +X, -X, +Y, -Y, +Z or -Z [default: the one that its frames stand along]
     #[arg(long, value_name = "AXIS", requires = "motion", allow_hyphen_values = true)]
     up: Option<bvh::Axis>,
-    /// Where the T-pose of a BVH file comes from [default: OFFSETs or first frame if they are one, else directions]
+    /// Where the T-pose of a BVH file comes from: offsets, first-frame or directions (where bones point in the world over all frames)
+    /// [default: OFFSETs or first frame if they are one, else directions]
     #[arg(long, value_name = "WHAT", requires = "motion")]
-    rest: Option<RestName>,
-}
-
-/// A source of the T-pose by its name on the command line.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum RestName {
-    /// The OFFSETs, nothing turned
-    Offsets,
-    /// The first frame
-    FirstFrame,
-    /// Where bones point in the world over all frames
-    Directions,
+    rest: Option<bvh::Rest>,
 }
 
 impl ReadAs {
     fn options(self) -> bvh::Options {
-        let rest = self.rest.map(|rest| match rest {
-            RestName::Offsets => bvh::Rest::Offsets,
-            RestName::FirstFrame => bvh::Rest::FirstFrame,
-            RestName::Directions => bvh::Rest::Directions,
-        });
-        bvh::Options { up: self.up, rest }
+        bvh::Options { up: self.up, rest: self.rest }
     }
 }
 

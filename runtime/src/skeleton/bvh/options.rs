@@ -22,6 +22,20 @@ pub enum Rest {
     Directions,
 }
 
+impl std::str::FromStr for Rest {
+    type Err = String;
+
+    /// Reads `offsets`, `first-frame` or `directions`.
+    fn from_str(text: &str) -> Result<Rest, String> {
+        match text {
+            "offsets" => Ok(Rest::Offsets),
+            "first-frame" => Ok(Rest::FirstFrame),
+            "directions" => Ok(Rest::Directions),
+            _ => Err("the T-pose comes from offsets, first-frame or directions".to_owned()),
+        }
+    }
+}
+
 /// An axis of a file, with its sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
