@@ -176,7 +176,8 @@ pub fn with_rbf(garment: &Garment, n: &mut Numbers) -> Garment {
         let of_layer: Vec<usize> =
             (0..data.drivers.len()).filter(|&driver| usize::from(data.drivers[driver].layer) == layer).collect();
         let groups = of_layer.iter().map(|&driver| {
-            let mirror = of_layer.iter().position(|&other| BONES[other].0 == BONES[driver].0.mirrored());
+            let is_mirror = |&other: &usize| other != driver && BONES[other].0 == BONES[driver].0.mirrored();
+            let mirror = of_layer.iter().position(is_mirror);
             let mirror = mirror.filter(|_| n.below(2) == 0);
             let mut coefficients = |count: usize| (0..count).map(|_| f64::from(n.signed())).collect::<Vec<_>>();
             Group {

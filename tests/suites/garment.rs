@@ -128,9 +128,18 @@ const BROKEN: &[(Change, &str)] = &[
     (|g| rbf(g).groups[0].drivers.push(2), "driver 2 of group 0 does not exist or is in two groups"),
     (|g| rbf(g).groups[0].drivers.push(1), "driver 1 of group 0 does not exist or is in two groups"),
     (|g| _ = rbf(g).groups[0].drivers.pop(), "driver 1 is in no group of the default kernel"),
+    (|g| rbf(g).groups[0].mirror = Some(0), MIRROR),
     (
-        |g| rbf(g).groups[0].mirror = Some(0),
-        "the mirror of group 0 must be a group of its layer with the same bones on the other side",
+        // Its own mirror image, yet no other group.
+        |g| {
+            g.poses.bones[0] = Bone::Spine;
+            g.drivers[0].joints = vec![Bone::Spine];
+            g.pose_limits.clear();
+            rbf(g).groups[0].chain.truncate(1);
+            rbf(g).groups[0].chain[0].bone = Bone::Spine;
+            rbf(g).groups[0].mirror = Some(0);
+        },
+        MIRROR,
     ),
     (|g| rbf(g).groups[0].chain.clear(), "there are 0 joints in a chain; 1 to 16 are possible"),
     (
@@ -156,6 +165,8 @@ const LIMIT: &str = "the joints of pose limit 0 must be distinct bones of the po
 
 const BOUND: &str =
     "the bounds of pose limit 0 must have unit normals of three numbers per joint and lie within 0 to 100";
+
+const MIRROR: &str = "the mirror of group 0 must be another group of its layer with the same bones on the other side";
 
 const CHAIN: &str =
     "the chain of group 0 must be distinct bones of the pose table, with unit axes and scales of 0 or more";

@@ -176,8 +176,8 @@ pub enum InvalidGarment {
     /// A driver is in no group.
     #[error("driver {0} is in no group of the default kernel")]
     Ungrouped(usize),
-    /// A group's mirror is no group of its layer, or has other bones than those of the other side.
-    #[error("the mirror of group {0} must be a group of its layer with the same bones on the other side")]
+    /// A group's mirror is no other group of its layer, or has other bones than those of the other side.
+    #[error("the mirror of group {0} must be another group of its layer with the same bones on the other side")]
     GroupMirror(usize),
     /// The chain of a group is no list of distinct bones of the pose table with unit axes and usable scales.
     #[error("the chain of group {0} must be distinct bones of the pose table, with unit axes and scales of 0 or more")]
@@ -417,7 +417,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             return Err(InvalidGarment::RbfWidth);
         }
         check_count("groups", groups.len(), 1, limits::DRIVERS)?;
-        for group in groups {
+        for (place, group) in groups.iter().enumerate() {
             for &driver in &group.drivers {
                 let is_of_layer = data.drivers.get(usize::from(driver)).is_some_and(|d| usize::from(d.layer) == layer);
                 match owned.get_mut(usize::from(driver)) {
@@ -431,7 +431,7 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
             let centres = check_centres(group, number)?;
             all_centres += centres;
             check_count("poses between the samples", all_centres, 0, limits::CENTRES)?;
-            check_mirror(groups, group, number)?;
+            check_mirror(groups, place, number)?;
             let mirrored = if group.mirror.is_some() { samples } else { 0 };
             let rows = samples + 1;
             let lengths = [(rows + mirrored) * targets, rows * targets, centres * (targets - samples)];
@@ -450,12 +450,13 @@ fn check_rbf(data: &GarmentData) -> Result<(), InvalidGarment> {
     }
 }
 
-/// A group's mirror has the bones of the other side.
-fn check_mirror(groups: &[Group], group: &Group, number: usize) -> Result<(), InvalidGarment> {
-    let Some(mirror) = group.mirror else { return Ok(()) };
+/// A group's mirror is another group with the bones of the other side.
+fn check_mirror(groups: &[Group], place: usize, number: usize) -> Result<(), InvalidGarment> {
+    let Some(mirror) = groups[place].mirror.map(usize::from) else { return Ok(()) };
     let bones = |group: &Group| -> BTreeSet<Bone> { group.chain.iter().map(|joint| joint.bone).collect() };
-    let of_other = groups.get(usize::from(mirror)).map(|group| bones(group).into_iter().map(Bone::mirrored).collect());
-    if of_other == Some(bones(group)) { Ok(()) } else { Err(InvalidGarment::GroupMirror(number)) }
+    let other = groups.get(mirror).filter(|_| mirror != place);
+    let of_other = other.map(|group| bones(group).into_iter().map(Bone::mirrored).collect());
+    if of_other == Some(bones(&groups[place])) { Ok(()) } else { Err(InvalidGarment::GroupMirror(number)) }
 }
 
 /// How many poses between the samples a group has, whose chain is checked.
