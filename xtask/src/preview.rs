@@ -45,7 +45,7 @@ pub struct Args {
     views: Vec<ViewName>,
     #[command(flatten)]
     wearer: Wearer,
-    /// Draw the wearer's skin under the cloth, too, which shows where cloth lies in the body
+    /// Draw the wearer's skin under the cloth, too, which shows where cloth lies in the body; other --colours than cloth always do
     #[arg(long)]
     all_skin: bool,
     /// What the colours of the cloth say
@@ -112,7 +112,8 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     if args.wearer.is_unseen() {
         // Body and obi of the source are another wearer's.
         scene = scene.unworn();
-    } else if let Some(source) = source.as_ref().filter(|_| !args.all_skin) {
+    } else if let (Some(source), ColoursName::Cloth, false) = (&source, args.colours, args.all_skin) {
+        // As an app draws her; measuring what is covered takes seconds, and the other colours are for those who look for faults.
         scene = scene.without_covered(&covered(garment, &source.body));
     }
     let kernel = KernelName::of(args.kernel, garment)?;
