@@ -15,6 +15,7 @@ mod live;
 mod look;
 mod mistakes;
 mod motion;
+mod obj_text;
 mod pack;
 mod rigs;
 mod skinning;

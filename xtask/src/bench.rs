@@ -14,9 +14,12 @@ use kitsuke_pipeline::build_garment;
 use kitsuke_pipeline::catalog::{self, Mode, Options};
 use kitsuke_pipeline::measure::weld_quality::mixed;
 use kitsuke_pipeline::memo::Memo;
+use kitsuke_pipeline::source::obj;
 use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
 use std::fs;
 use std::hint::black_box;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -98,6 +101,9 @@ fn bench(args: &Args) -> Result<(), String> {
         let wanted_m = compare_packs::masked_deltas(&source, &built);
         note("pack_target_max_mm", json!(compare_packs::target_max_mm(&built, &wanted_m)));
     }
+    let (obj_ms, tobj_ms) = obj_read_ms()?;
+    note("obj_read_ms_median", json!(rounded(obj_ms)));
+    note("obj_read_ratio_tobj", json!(rounded(obj_ms / tobj_ms)));
     let (clean_s, noop_s) = build_s(&args.places.assets)?;
     note("build_clean_s", json!(rounded(clean_s)));
     note("build_noop_ms", json!(rounded(noop_s * 1e3)));
@@ -271,6 +277,42 @@ fn tailor_ms(garment: &Garment, fit: &FitData) -> Result<f64, String> {
     let times_us = (0..REPEATS)
         .map(|_| microseconds(|| black_box(transfer.tailored(garment, black_box(&positions_m), &joints_m).is_ok())));
     Ok(median(times_us.collect()) / 1e3)
+}
+
+/// Loading a file of cloth, 27 MB, by our reader and by tobj, which reads the whole file first, too.
+fn obj_read_ms() -> Result<(f64, f64), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let file = folder.path().join("cloth.obj");
+    fs::write(&file, cloth_text()).map_err(|error| error.to_string())?;
+    let (mut ours_us, mut tobj_us) = (Vec::new(), Vec::new());
+    for _ in 0..PASSES {
+        ours_us.push(microseconds(|| {
+            let bytes = fs::read(&file).unwrap_or_default();
+            black_box(obj::read("cloth.obj", &bytes, &mut Vec::new()));
+        }));
+        tobj_us.push(microseconds(|| black_box(tobj::load_obj(&file, &tobj::LoadOptions::default()).is_ok())));
+    }
+    Ok((median(ours_us) / 1e3, median(tobj_us) / 1e3))
+}
+
+/// A square of cloth as OBJ text: 200,704 vertices and as many texture coordinates, 399,618 triangles.
+fn cloth_text() -> String {
+    const SIDE: usize = 448;
+    let places = || (0..SIDE * SIDE).map(|i| (i / SIDE, i % SIDE));
+    let mut text = String::from("g cloth\n");
+    for (i, j) in places() {
+        let z = 0.001 * ((i * 37 + j * 11) % 101) as f64;
+        _ = writeln!(text, "v {:.6} {:.6} {z:.6}", i as f64 * 0.0017, 1.5 - j as f64 * 0.0013);
+    }
+    for (i, j) in places() {
+        _ = writeln!(text, "vt {:.6} {:.6}", i as f64 / SIDE as f64, j as f64 / SIDE as f64);
+    }
+    for (i, j) in places().filter(|&(i, j)| i + 1 < SIDE && j + 1 < SIDE) {
+        let a = i * SIDE + j + 1;
+        let (b, c, d) = (a + SIDE, a + SIDE + 1, a + 1);
+        _ = writeln!(text, "f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}");
+    }
+    text
 }
 
 /// Builds the whole catalog twice into an empty folder: everything, then nothing.

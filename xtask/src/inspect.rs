@@ -119,10 +119,16 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
 
 fn mesh_text(mesh: &obj::Mesh) -> String {
     let mut text = String::new();
-    let faces = |corners: std::ops::RangeInclusive<u32>| {
-        mesh.faces.iter().filter(|face| corners.contains(&face.corner_count)).count()
-    };
-    let (triangles, quads, larger) = (faces(3..=3), faces(4..=4), faces(5..=u32::MAX));
+    let (mut triangles, mut quads, mut larger) = (0, 0, 0);
+    let mut in_part = vec![0; mesh.parts.len()];
+    for face in &mesh.faces {
+        *(match face.corner_count {
+            3 => &mut triangles,
+            4 => &mut quads,
+            _ => &mut larger,
+        }) += 1;
+        in_part[face.part as usize] += 1;
+    }
     let mut used = vec![false; mesh.positions.len()];
     mesh.corners.iter().for_each(|corner| used[corner.vertex as usize] = true);
     let unused = used.iter().filter(|used| !**used).count();
@@ -130,9 +136,14 @@ fn mesh_text(mesh: &obj::Mesh) -> String {
     line!(text, "faces", "{}: {triangles} triangles, {quads} quads, {larger} larger", mesh.faces.len());
     let complete = if mesh.is_textured() { "every corner has one" } else { "not every corner has one" };
     line!(text, "uv", "{} texture coordinates, {complete}", mesh.uv.len());
-    for (part, name) in mesh.parts.iter().enumerate() {
-        let count = mesh.faces.iter().filter(|face| face.part as usize == part).count();
+    if mesh.normal_count > 0 {
+        line!(text, "normals", "{} passed over: they are computed", mesh.normal_count);
+    }
+    for (part, (name, count)) in mesh.parts.iter().zip(in_part).enumerate() {
         line!(text, if part == 0 { "parts" } else { "" }, "{name}: {count} faces");
+    }
+    if let Some((encoding, line)) = mesh.names_read_as {
+        line!(text, "names", "read as {encoding}, not UTF-8, first in line {line}");
     }
     extent(&mut text, mesh.positions.iter().copied());
     text

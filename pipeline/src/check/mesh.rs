@@ -1,6 +1,6 @@
 //! Whether one mesh is sound by itself: faces, vertices, texture coordinates, parts.
 
-use super::NamedMesh;
+use super::{NamedMesh, gaps};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::obj::Corner;
 use kitsuke::arrays::limits;
@@ -55,6 +55,25 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
                 .help("Delete loose vertices, then export base and targets again."),
         );
     }
+    for gap in gaps::find(mesh) {
+        let names: Vec<String> = gap.iter().map(|vertex| (vertex + 1).to_string()).collect();
+        let (last, others) = names.split_last().expect("gaps have three or four vertices");
+        report.push(
+            Diagnostic::warning("lost-face", file, Place::Line(mesh.position_lines[gap[0] as usize]))
+                .problem(format!("between vertices {} and {last} a face seems to be missing", others.join(", ")))
+                .help(
+                    "Compare the number of faces that `cargo xtask inspect` says with that of the program that made the garment; \
+                     if it should be closed there, close it or export all shapes again.",
+                ),
+        );
+    }
+    if let Some((encoding, line)) = mesh.names_read_as {
+        report.push(
+            Diagnostic::warning("names-encoding", file, Place::Line(line))
+                .problem(format!("the names of the pieces are not UTF-8; read as {encoding} they are {}", mesh.parts.join(", ")))
+                .help("If they read wrongly, save the file in UTF-8, or give the pieces names of letters A to Z and digits."),
+        );
+    }
     let is_bare = |corner: &Corner| corner.uv.is_none();
     if mesh.corners.iter().any(|corner| corner.uv.is_some())
         && let Some(face) = mesh.faces.iter().find(|face| mesh.corners_of(face).iter().any(is_bare))
@@ -65,10 +84,14 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
                 .help("Unwrap all pieces, or export without texture coordinates."),
         );
     }
-    if mesh.parts.len() > limits::PARTS || mesh.parts.iter().any(|name| name.len() > limits::NAME_BYTES) {
+    let is_unusable = |name: &String| name.len() > limits::NAME_BYTES || name.contains(char::is_control);
+    if mesh.parts.len() > limits::PARTS || mesh.parts.iter().any(is_unusable) {
         report.push(
             Diagnostic::error("parts", file, Place::File)
-                .problem(format!("the mesh has {} groups, or one whose name is too long", mesh.parts.len()))
+                .problem(format!(
+                    "the mesh has {} groups, or one whose name is too long or has control characters",
+                    mesh.parts.len()
+                ))
                 .help(format!("Use at most {} groups: one per piece of cloth.", limits::PARTS)),
         );
     }

@@ -2,9 +2,11 @@
 //! in one run. Knows what garments are like, and no file format.
 
 mod exchange;
+mod gaps;
 mod layers;
 mod mesh;
 mod placement;
+mod signature;
 mod size;
 mod target;
 

@@ -1,7 +1,7 @@
 //! Whether a shape is the base in another pose or size: the same vertices in the same order, unit and axes. The
 //! geometric tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
 
-use super::{NamedMesh, exchange, grouped};
+use super::{NamedMesh, exchange, grouped, signature};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::folder::Folder;
@@ -92,11 +92,13 @@ pub(super) fn check_size(
 
 /// Why the vertices are not those of the base.
 fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+    let by_program = |mistake| named_program(mistake, base, target.mesh);
     differing_count(base, positions_m)
+        .map(by_program)
         .or_else(|| wrong_unit(base, positions_m))
         .or_else(|| wrong_axes(base, positions_m))
-        .or_else(|| differing_faces(base, target.mesh))
-        .or_else(|| wrong_order(base, positions_m))
+        .or_else(|| differing_faces(base, target.mesh).map(by_program))
+        .or_else(|| wrong_order(base, positions_m).map(by_program))
 }
 
 fn report_found(found: Option<Mistake>, target: NamedMesh<'_>, report: &mut Vec<Diagnostic>) -> bool {
@@ -137,6 +139,17 @@ struct Mistake {
 
 fn mistake(code: &'static str, problem: String, help: &str) -> Option<Mistake> {
     Some(Mistake { code, place: Place::File, problem, help: help.to_owned() })
+}
+
+/// With the program whose habits explain the mistake, where one does.
+fn named_program(mistake: Mistake, base: &Reference<'_>, target: &obj::Mesh) -> Mistake {
+    let explained = matches!(mistake.code, "vertex-count" | "unwelded" | "faces" | "vertex-order");
+    match signature::find(base.mesh, target).filter(|_| explained) {
+        Some(signature::Signature { said, help }) => {
+            Mistake { problem: format!("{}: {said}", mistake.problem), help: help.to_owned(), ..mistake }
+        }
+        None => mistake,
+    }
 }
 
 fn differing_count(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {

@@ -1,0 +1,296 @@
+//! OBJ meshes in the file's own vertex order, each element with its line. Reads `v`, `vt`, `f`, `g` and `o`; materials,
+//! normals, colours and curves are passed over. Knows no unit and no garment. `lines` cuts the text into statements,
+//! `piece` reads a piece of them, and here pieces become one mesh.
+//!
+//! Everything of a garment (targets, masks, paths) is keyed by the number of a `v` line, and every message needs the
+//! line, hence a reader of our own instead of an importer that renumbers; the tests hold it against ufbx.
+
+mod lines;
+mod names;
+mod number;
+mod piece;
+#[cfg(test)]
+mod tests;
+mod triangulation;
+
+use crate::diagnostic::{Diagnostic, Place};
+use glam::{DVec3, Vec2};
+use kitsuke::arrays::limits;
+use piece::{Counts, Piece};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+pub use triangulation::Triangles;
+
+/// Name of the part of faces before any `g` or `o`.
+const UNNAMED_PART: &[u8] = b"default";
+/// Texts are read in pieces of about so many bytes, several at once; what is read does not depend on where they end.
+const PIECE_BYTES: usize = 1 << 16;
+/// How many pieces are held at once, before they are joined.
+const PIECES: usize = 32;
+
+/// A polygon mesh as it stands in the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Positions in the file's unit and axes, one per `v` line.
+    pub positions: Vec<DVec3>,
+    /// The line of each position.
+    pub position_lines: Vec<u32>,
+    /// Texture coordinates, one per `vt` line.
+    pub uv: Vec<Vec2>,
+    /// Polygons in file order.
+    pub faces: Vec<Face>,
+    /// Vertex and texture-coordinate index of every corner of every polygon.
+    pub corners: Vec<Corner>,
+    /// Names of the parts, by first appearance: the group's name, or the object's where there is no group.
+    pub parts: Vec<String>,
+    /// How many `vn` lines there are; normals are computed, not read.
+    pub normal_count: usize,
+    /// The encoding of the names where it is not UTF-8, and the line of the first that shows it.
+    pub names_read_as: Option<(&'static str, u32)>,
+}
+
+/// One polygon of 3 or more corners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Face {
+    /// The line.
+    pub line: u32,
+    /// Its first corner.
+    pub first_corner: u32,
+    /// How many.
+    pub corner_count: u32,
+    /// Its part.
+    pub part: u32,
+}
+
+/// One corner of a polygon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Corner {
+    /// Index of the position.
+    pub vertex: u32,
+    /// Index of the texture coordinate, if it has one.
+    pub uv: Option<u32>,
+}
+
+impl Mesh {
+    /// The corners of a polygon.
+    #[must_use]
+    pub fn corners_of(&self, face: &Face) -> &[Corner] {
+        &self.corners[face.first_corner as usize..][..face.corner_count as usize]
+    }
+
+    /// Whether every corner has a texture coordinate.
+    #[must_use]
+    pub fn is_textured(&self) -> bool {
+        !self.corners.is_empty() && self.corners.iter().all(|corner| corner.uv.is_some())
+    }
+}
+
+/// Reads a mesh; reports every line that cannot be understood.
+pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Mesh> {
+    read_in_pieces(file, bytes, PIECE_BYTES, report)
+}
+
+fn read_in_pieces(file: &str, bytes: &[u8], piece_bytes: usize, report: &mut Vec<Diagnostic>) -> Option<Mesh> {
+    if let Some(problem) = foreign_content(bytes) {
+        report.push(
+            Diagnostic::error("obj-encoding", file, Place::File)
+                .problem(problem)
+                .help("Export the shape as Wavefront OBJ, a text file in UTF-8."),
+        );
+        return None;
+    }
+    let mut reader = Reader::new(file, report);
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut texts = lines::pieces(text, piece_bytes);
+    let mut before = Counts::default();
+    let mut pieces: Vec<Piece<'_>> = Vec::new();
+    pieces.resize_with(PIECES, Piece::default);
+    loop {
+        let texts: Vec<&[u8]> = texts.by_ref().take(PIECES).collect();
+        if texts.is_empty() {
+            return reader.finish();
+        }
+        // Indices may count backwards from a line, so that a piece must know what stands before it.
+        let counts: Vec<Counts> = texts.par_iter().map(|text| Counts::of(text)).collect();
+        let counted = counts.into_iter().scan(before, |before, counts| {
+            let these = *before;
+            *before = before.and(counts);
+            Some((these, *before))
+        });
+        let counted: Vec<(Counts, Counts)> = counted.collect();
+        let read = texts.par_iter().zip(&counted).zip(&mut pieces);
+        read.for_each(|((text, (before, _)), piece)| piece.read(text, *before));
+        for piece in &mut pieces[..texts.len()] {
+            reader.join(piece)?;
+        }
+        before = counted.last().map_or(before, |(_, after)| *after);
+        reader.mesh.normal_count = before.normals;
+    }
+}
+
+/// Says what a file is that is no OBJ text.
+fn foreign_content(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("the file is UTF-16 text"),
+        _ if bytes.starts_with(b"Kaydara FBX") => Some("the file is an FBX scene, not OBJ"),
+        _ if bytes.starts_with(b"PK\x03\x04") => Some("the file is an archive (a ZPRJ or ZIP), not OBJ"),
+        _ if bytes.starts_with(b"glTF") => Some("the file is a GLB scene, not OBJ"),
+        _ if bytes.iter().take(4096).any(|&byte| byte == 0) => Some("the file is binary, or UTF-16 text, not OBJ"),
+        _ => None,
+    }
+}
+
+struct Reader<'a> {
+    file: &'a str,
+    report: &'a mut Vec<Diagnostic>,
+    is_sound: bool,
+    mesh: Mesh,
+    group: &'a [u8],
+    object: &'a [u8],
+    /// Part of the faces that follow; found anew after each `g` and `o`.
+    part: Option<u32>,
+    /// The parts by the bytes of their names.
+    parts: BTreeMap<&'a [u8], u32>,
+    /// The bytes of each part's name, and the line of the name.
+    part_names: Vec<(&'a [u8], u32)>,
+    /// The line of the last `g` or `o`.
+    name_line: u32,
+}
+
+impl<'a> Reader<'a> {
+    fn new(file: &'a str, report: &'a mut Vec<Diagnostic>) -> Reader<'a> {
+        Reader {
+            file,
+            report,
+            is_sound: true,
+            mesh: Mesh::default(),
+            group: b"",
+            object: b"",
+            part: None,
+            parts: BTreeMap::new(),
+            part_names: Vec::new(),
+            name_line: 1,
+        }
+    }
+
+    fn refuse(&mut self, code: &'static str, line: u32, problem: String) {
+        let help = match code {
+            "obj-number" => "Export the shape again; every number must be finite.",
+            "obj-face" => "Export the shape again; a face needs three or more corners that name vertices of the file.",
+            "obj-names" => {
+                "Save the file in UTF-8, or give the pieces names of letters A to Z and digits, then export all shapes again."
+            }
+            _ => "Export a lighter mesh.",
+        };
+        self.report.push(Diagnostic::error(code, self.file, Place::Line(line)).problem(problem).help(help));
+        self.is_sound = false;
+    }
+
+    /// Adds the next piece; none where the mesh becomes too large.
+    fn join(&mut self, piece: &mut Piece<'a>) -> Option<()> {
+        let Piece { positions, position_lines, uv, faces, corners, names, problems } = piece;
+        for problem in problems.drain(..) {
+            self.refuse(problem.code, problem.line, problem.text);
+        }
+        let (vertices_left, faces_left) =
+            (limits::VERTICES - self.mesh.positions.len(), limits::TRIANGLES - self.mesh.faces.len());
+        let lines = [position_lines.get(vertices_left).copied(), faces.get(faces_left).map(|face| face.line)];
+        if let Some(line) = lines.into_iter().flatten().min() {
+            let problem = "the mesh is larger than 4,194,304 vertices or 8,388,608 faces".to_owned();
+            self.refuse("obj-limit", line, problem);
+            return None;
+        }
+        let mut names = names.iter().peekable();
+        let first_corner = self.mesh.corners.len() as u32;
+        self.mesh.faces.reserve(faces.len());
+        for (number, face) in faces.iter().enumerate() {
+            while let Some(statement) = names.next_if(|statement| statement.faces_before <= number) {
+                self.rename(statement);
+            }
+            let part = self.current_part();
+            self.mesh.faces.push(Face { first_corner: first_corner + face.first_corner, part, ..*face });
+        }
+        names.for_each(|statement| self.rename(statement));
+        self.mesh.positions.extend_from_slice(positions);
+        self.mesh.position_lines.extend_from_slice(position_lines);
+        self.mesh.uv.extend_from_slice(uv);
+        self.mesh.corners.extend_from_slice(corners);
+        Some(())
+    }
+
+    fn rename(&mut self, statement: &piece::NameStatement<'a>) {
+        *(if statement.is_group { &mut self.group } else { &mut self.object }) = statement.name;
+        self.name_line = statement.line;
+        self.part = None;
+    }
+
+    fn current_part(&mut self) -> u32 {
+        if let Some(part) = self.part {
+            return part;
+        }
+        let names = [self.group, self.object, UNNAMED_PART];
+        let name = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default();
+        let next = self.part_names.len() as u32;
+        let part = *self.parts.entry(name).or_insert(next);
+        if part == next {
+            self.part_names.push((name, self.name_line));
+        }
+        self.part = Some(part);
+        part
+    }
+
+    /// Checks the indices, which may point forward, against the whole file, and decodes the names.
+    fn finish(mut self) -> Option<Mesh> {
+        let (vertices, uvs) = (self.mesh.positions.len(), self.mesh.uv.len());
+        let lacks_vertex = |corner: &Corner| corner.vertex as usize >= vertices;
+        let lacks_uv = |corner: &Corner| corner.uv.is_some_and(|uv| uv as usize >= uvs);
+        if self.mesh.corners.iter().any(|corner| lacks_vertex(corner) || lacks_uv(corner)) {
+            let mut broken = Vec::new();
+            for face in &self.mesh.faces {
+                for corner in self.mesh.corners_of(face) {
+                    if lacks_vertex(corner) {
+                        let problem = format!("vertex {} is named, but there are {vertices}", corner.vertex + 1);
+                        broken.push((face.line, problem));
+                    }
+                    if let Some(uv) = corner.uv.filter(|_| lacks_uv(corner)) {
+                        let problem = format!("texture coordinate {} is named, but there are {uvs}", uv + 1);
+                        broken.push((face.line, problem));
+                    }
+                }
+            }
+            for (line, problem) in broken {
+                self.refuse("obj-face", line, problem);
+            }
+        }
+        self.decode_names();
+        self.is_sound.then_some(self.mesh)
+    }
+
+    fn decode_names(&mut self) {
+        let bytes: Vec<&[u8]> = self.part_names.iter().map(|(name, _)| *name).collect();
+        let decoded = match names::decode(&bytes) {
+            Ok(decoded) => decoded,
+            Err((name, encoding)) => {
+                let problem = format!(
+                    "the name of this piece is text neither in UTF-8 nor in {encoding}, in which others seem to be"
+                );
+                return self.refuse("obj-names", self.part_names[name].1, problem);
+            }
+        };
+        let mut lines: BTreeMap<&str, u32> = BTreeMap::new();
+        let mut alike = Vec::new();
+        for (name, (_, line)) in decoded.names.iter().zip(&self.part_names) {
+            if let Some(first) = lines.insert(name, *line) {
+                alike.push((
+                    *line,
+                    format!("the piece's name and that of line {first} are different bytes, but both read `{name}`"),
+                ));
+            }
+        }
+        for (line, problem) in alike {
+            self.refuse("obj-names", line, problem);
+        }
+        self.mesh.names_read_as = decoded.foreign.map(|(encoding, name)| (encoding, self.part_names[name].1));
+        self.mesh.parts = decoded.names;
+    }
+}
