@@ -70,8 +70,13 @@ fn damaged(change: impl Fn(&str, String) -> Vec<u8>) -> (tempfile::TempDir, Path
     (copy, garment)
 }
 
+/// A code, and a file with what is wrong with it.
+type Message = (&'static str, String);
+/// A group's line, and the vertices of its faces.
+type Group = (String, Vec<Vec<usize>>);
+
 /// What `check` says, and the parts of the garment where it is sound.
-fn said(garment: &Path) -> (Vec<(&'static str, String)>, Vec<(String, u32)>) {
+fn said(garment: &Path) -> (Vec<Message>, Vec<(String, u32)>) {
     let loaded = kitsuke_pipeline::load(garment);
     let said = loaded.diagnostics.into_iter().map(|d| (d.code, format!("{}: {}", d.file, d.problem))).collect();
     let parts = loaded.garment.map_or_else(Vec::new, |garment| garment.base.parts);
@@ -128,7 +133,7 @@ fn as_quads(text: &str) -> String {
 }
 
 /// Vertex lines and faces with their vertices alone, by group.
-fn taken_apart(text: &str) -> (Vec<String>, Vec<(String, Vec<Vec<usize>>)>) {
+fn taken_apart(text: &str) -> (Vec<String>, Vec<Group>) {
     let (mut vertices, mut groups) = (Vec::new(), Vec::new());
     for line in text.lines() {
         if line.starts_with("v ") {
@@ -144,7 +149,7 @@ fn taken_apart(text: &str) -> (Vec<String>, Vec<(String, Vec<Vec<usize>>)>) {
 }
 
 /// The text of a mesh whose vertices stand in this order.
-fn renumbered(vertices: &[String], groups: &[(String, Vec<Vec<usize>>)], order: &[usize]) -> String {
+fn renumbered(vertices: &[String], groups: &[Group], order: &[usize]) -> String {
     let mut text: String = order.iter().map(|old| format!("{}\n", vertices[*old])).collect();
     for (name, faces) in groups {
         text += &format!("{name}\n");
@@ -221,7 +226,8 @@ fn as_meshlab(text: &str) -> String {
 #[test]
 fn programs_are_named_that_renumber_a_target() {
     let target = "poses/01_right_down.obj";
-    let cases: [(&str, fn(&str) -> String, Option<(&str, &str)>); 6] = [
+    type Case = (&'static str, fn(&str) -> String, Option<(&'static str, &'static str)>);
+    let cases: [Case; 6] = [
         ("blender", as_blender, Some(("faces", "Blender"))),
         ("trimesh", as_trimesh, Some(("faces", "trimesh and tobj"))),
         ("vtk", as_vtk, Some(("unwelded", "VTK"))),

@@ -1,7 +1,7 @@
 //! Which program's habits explain that a file is not the base in another pose: each leaves its own trace in how vertices
 //! and faces are numbered. Knows no positions.
 
-use crate::source::obj::{Face, Mesh};
+use crate::source::obj::Mesh;
 
 /// A trace of a program.
 pub(super) struct Signature {
@@ -86,22 +86,25 @@ fn is_reordered<T: Ord + Clone>(a: &[T], b: &[T]) -> bool {
     a != b && sorted(a) == sorted(b)
 }
 
-/// How many vertices and faces each piece has that hangs together, by its first vertex.
-fn pieces(mesh: &Mesh) -> Vec<(usize, usize)> {
+/// The pieces that hang together, by their first vertices: the faces of each, their vertices counted within the piece.
+fn pieces(mesh: &Mesh) -> Vec<Vec<Vec<u32>>> {
     let piece_of = piece_of_vertices(mesh);
-    let mut counts = vec![(0, 0); mesh.positions.len()];
-    for &piece in &piece_of {
-        counts[piece as usize].0 += 1;
-    }
+    let mut counts = vec![0; mesh.positions.len()];
+    let within = |piece: &u32| {
+        counts[*piece as usize] += 1;
+        counts[*piece as usize] - 1
+    };
+    let within: Vec<u32> = piece_of.iter().map(within).collect();
+    let mut pieces = vec![Vec::new(); mesh.positions.len()];
     for face in &mesh.faces {
-        counts[piece_of[first_vertex(mesh, face)] as usize].1 += 1;
+        let mut cycle: Vec<u32> = mesh.corners_of(face).iter().map(|corner| within[corner.vertex as usize]).collect();
+        let least = (0..cycle.len()).min_by_key(|&i| cycle[i]).unwrap_or(0);
+        cycle.rotate_left(least);
+        pieces[piece_of[mesh.corners_of(face)[0].vertex as usize] as usize].push(cycle);
     }
-    counts.retain(|(vertices, _)| *vertices > 0);
-    counts
-}
-
-fn first_vertex(mesh: &Mesh, face: &Face) -> usize {
-    mesh.corners_of(face)[0].vertex as usize
+    pieces.retain(|faces| !faces.is_empty());
+    pieces.iter_mut().for_each(|faces| faces.sort_unstable());
+    pieces
 }
 
 /// The least vertex of the piece in which each vertex hangs.

@@ -109,7 +109,9 @@ fn split(line: &[u8]) -> (Keyword, &[u8], bool) {
 /// Takes the first word off a text; none where only blanks or a comment are left.
 pub(super) fn take_word<'a>(text: &mut &'a [u8]) -> Option<&'a [u8]> {
     let start = text.trim_ascii_start();
-    let end = start.iter().position(|byte| ends_word(*byte)).unwrap_or(start.len());
+    // `1.#INF` and `-1.#IND` are how some programs spell what is no number, and no numbers with comments.
+    let is_end = |at: &usize| ends_word(start[*at]) && !(start[*at] == b'#' && *at > 0 && start[*at - 1] == b'.');
+    let end = (0..start.len()).find(is_end).unwrap_or(start.len());
     *text = &start[end..];
     (end > 0).then(|| &start[..end])
 }

@@ -10,6 +10,7 @@ mod names;
 mod number;
 mod piece;
 #[cfg(test)]
+#[allow(clippy::print_stdout)]
 mod tests;
 mod triangulation;
 

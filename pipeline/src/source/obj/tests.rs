@@ -59,6 +59,7 @@ fn mistakes_name_their_lines() {
     };
     check("v 0 0 0\nv 1 nan 0\n", "obj-number", 2);
     check("v 0 0 0\nv 1 -1.#IND 0\n", "obj-number", 2);
+    check("v 0 0 1.#INF\n", "obj-number", 1);
     check("v 0 0\n", "obj-number", 1);
     check("v 1e999 0 0\n", "obj-number", 1);
     check(&format!("{SQUARE}f 1 2 5"), "obj-face", 5);
@@ -228,7 +229,7 @@ proptest! {
     #[test]
     fn pieces_of_any_size_give_what_the_simplest_reader_gives(
         statements in prop::collection::vec(
-            "(v( -?[0-9]{1,3}(\\.[0-9]{0,3})?(e-?[0-9])?( \\\\\n)?){3}|vt( [0-9]\\.[0-9]){2}|vn 0 0 1|\
+            "(v( -?[0-9]{1,3}(\\.[0-9]{1,3})?(e-?[0-9])?( \\\\\n)?){3}|vt( [0-9]\\.[0-9]){2}|vn 0 0 1|\
               f( -?[12](/-?[12](/-?[0-9])?|//[0-9])?( \\\\\n)?){3,5}|[go] ?[ab#]{0,2}|usemtl x\\\\)( ?#[ -~]{0,3}\\\\?)?",
             0..40
         ),
