@@ -13,7 +13,6 @@
 
 mod directions;
 mod kinematics;
-mod names;
 mod options;
 mod rig;
 mod structure;

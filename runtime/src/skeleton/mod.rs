@@ -15,6 +15,8 @@ pub mod jsonl;
 pub mod kinect;
 #[cfg(feature = "recordings")]
 pub mod mediapipe;
+#[cfg(feature = "bvh")]
+pub mod names;
 #[cfg(feature = "vmc")]
 pub mod osc;
 #[cfg(feature = "positions")]

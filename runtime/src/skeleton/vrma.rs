@@ -6,6 +6,7 @@
 //!   its rest, so that rest rotations of any kind and nodes between bones do not matter.
 //! - The hips' way from their rest is scaled by the height of the hips.
 
+use super::names::vrm0_bone;
 use super::recording::{Format, LONGEST_S, MOST_FRAMES, Place, Recording, RecordingError};
 use super::tracked::{RestPose, Tracked, Turned};
 use super::{Bone, Pose, Skeleton};
@@ -332,17 +333,6 @@ fn named_bones(extensions: &Extensions) -> Result<(NamedNodes<'_>, bool), Record
         return Ok((bones.map(|bone| (bone.bone.as_str(), bone.node)).collect(), true));
     }
     Err(wrong("this glTF says of no node which bone it is; export it as .vrma or .vrm"))
-}
-
-/// VRM 0.x counts the joints of a thumb from the proximal phalanx, VRM 1.0 from the metacarpal.
-fn vrm0_bone(name: &str) -> Option<Bone> {
-    match name {
-        "leftThumbProximal" => Some(Bone::LeftThumbMetacarpal),
-        "leftThumbIntermediate" => Some(Bone::LeftThumbProximal),
-        "rightThumbProximal" => Some(Bone::RightThumbMetacarpal),
-        "rightThumbIntermediate" => Some(Bone::RightThumbProximal),
-        _ => Bone::from_name(name),
-    }
 }
 
 fn local(node: &Node) -> Option<Transform> {

@@ -1,8 +1,9 @@
 //! Which joint of a file is which bone, and what a stance of them shows. Knows neither frames nor what they decide.
 
 use super::kinematics::{Figure, Stance};
+use super::structure;
 use super::text::{BvhError, Problem};
-use super::{names, structure};
+use crate::skeleton::names::bones_of;
 use crate::skeleton::{Bone, Skeleton};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -33,7 +34,7 @@ pub(super) struct Rig {
 impl Rig {
     pub fn new(figure: &Figure<'_>) -> Result<Rig, BvhError> {
         let names: Vec<&str> = figure.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let by_name = names::bones_of(&names);
+        let by_name = bones_of(&names);
         let is_known = |bone| by_name.contains(&Some(bone));
         let needed = [Bone::Hips, Bone::LeftUpperArm, Bone::RightUpperArm];
         let by_structure =
