@@ -10,6 +10,7 @@ use kitsuke::pack::layout::MAGIC;
 use kitsuke_pipeline::diagnostic::Diagnostic;
 use kitsuke_pipeline::source::{body, obj, tables};
 use std::fmt::Write;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -26,17 +27,23 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn inspect(path: &Path) -> Result<String, String> {
-    let bytes = read(path)?;
     let file = path.to_string_lossy();
     let kind = path.extension().map(|kind| kind.to_string_lossy().to_ascii_lowercase());
     let mut report = Vec::new();
+    // A large scan is not held twice, as text and as mesh.
+    if kind.as_deref() == Some("obj") {
+        let mesh = File::open(path).and_then(|source| obj::read_from(&file, source, &mut report));
+        let mesh = mesh.map_err(|error| format!("cannot read {file}: {error}"))?;
+        let mesh = mesh.ok_or_else(|| said(&report))?;
+        return Ok(problems(mesh_text(&mesh), &report));
+    }
+    let bytes = read(path)?;
     let text = match kind.as_deref() {
         _ if bytes.starts_with(&MAGIC) => {
             return Pack::open(&bytes)
                 .map(|pack| pack_text(&pack, bytes.len()))
                 .map_err(|error| format!("{file}: {error}"));
         }
-        Some("obj") => obj::read(&file, &bytes, &mut report).map(|mesh| mesh_text(&mesh)),
         Some("glb") => body::read(&file, &bytes, &mut report).map(|body| body_text(&body)),
         Some("csv") => tables::read_rotations(&file, &bytes, &mut report).map(|table| table_text(&table)),
         _ => return Err(format!("{file} is neither a pack nor a source file that can be inspected (obj, glb, csv)")),

@@ -1,6 +1,6 @@
 //! OBJ text as statements: where lines end, where they go on, where comments begin. Knows no element's meaning.
 
-use memchr::memchr;
+use memchr::{memchr, memrchr};
 use std::borrow::Cow;
 
 /// What a statement is about.
@@ -128,6 +128,23 @@ pub(super) fn name(rest: &[u8]) -> &[u8] {
     rest[..end].trim_ascii()
 }
 
+/// Where the last statement ends that ends in a line break; 0 where there is none.
+pub(super) fn last_end(text: &[u8]) -> usize {
+    let mut end = text.len();
+    while let Some(at) = memrchr(b'\n', &text[..end]) {
+        if !may_go_on(&text[..at]) {
+            return at + 1;
+        }
+        end = at;
+    }
+    0
+}
+
+/// Whether a line, of which this is the end, may go on in the next.
+fn may_go_on(line: &[u8]) -> bool {
+    line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\")
+}
+
 /// Cuts a text after line ends where a statement ends, too, into pieces of about so many bytes.
 pub(super) fn pieces(mut text: &[u8], bytes: usize) -> impl Iterator<Item = &[u8]> {
     std::iter::from_fn(move || {
@@ -139,8 +156,7 @@ pub(super) fn pieces(mut text: &[u8], bytes: usize) -> impl Iterator<Item = &[u8
             };
             let line = &text[..end + at];
             end += at + 1;
-            // A line that ends in `\` may go on.
-            if !line.strip_suffix(b"\r").unwrap_or(line).ends_with(b"\\") {
+            if !may_go_on(line) {
                 break;
             }
         }

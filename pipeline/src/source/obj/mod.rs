@@ -20,14 +20,17 @@ use kitsuke::arrays::limits;
 use piece::{Counts, Piece};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::io::{self, Read};
 pub use triangulation::Triangles;
 
 /// Name of the part of faces before any `g` or `o`.
 const UNNAMED_PART: &[u8] = b"default";
 /// Texts are read in pieces of about so many bytes, several at once; what is read does not depend on where they end.
 const PIECE_BYTES: usize = 1 << 16;
-/// How many pieces are held at once, before they are joined.
+/// About how many pieces are read at once, before they are joined.
 const PIECES: usize = 32;
+/// So much at least is read at once, so that what kind of file it is can be seen.
+const LEAST_BYTES: usize = 1 << 12;
 
 /// A polygon mesh as it stands in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -88,44 +91,64 @@ impl Mesh {
 
 /// Reads a mesh; reports every line that cannot be understood.
 pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Mesh> {
-    read_in_pieces(file, bytes, PIECE_BYTES, report)
+    read_in_pieces(file, bytes, PIECE_BYTES, report).expect("reading bytes cannot fail")
 }
 
-fn read_in_pieces(file: &str, bytes: &[u8], piece_bytes: usize, report: &mut Vec<Diagnostic>) -> Option<Mesh> {
-    if let Some(problem) = foreign_content(bytes) {
-        report.push(
-            Diagnostic::error("obj-encoding", file, Place::File)
-                .problem(problem)
-                .help("Export the shape as Wavefront OBJ, a text file in UTF-8."),
-        );
-        return None;
-    }
+/// Reads a mesh from a file, of which only a block at a time is held beside the mesh; fails where it cannot be read.
+pub fn read_from(file: &str, source: impl Read, report: &mut Vec<Diagnostic>) -> io::Result<Option<Mesh>> {
+    read_in_pieces(file, source, PIECE_BYTES, report)
+}
+
+fn read_in_pieces(
+    file: &str,
+    mut source: impl Read,
+    piece_bytes: usize,
+    report: &mut Vec<Diagnostic>,
+) -> io::Result<Option<Mesh>> {
+    let mut block_bytes = (PIECES * piece_bytes).max(LEAST_BYTES);
+    let mut block = Vec::with_capacity(2 * block_bytes);
     let mut reader = Reader::new(file, report);
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut texts = lines::pieces(text, piece_bytes);
-    let mut before = Counts::default();
-    let mut pieces: Vec<Piece<'_>> = Vec::new();
-    pieces.resize_with(PIECES, Piece::default);
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut before: Option<Counts> = None;
     loop {
-        let texts: Vec<&[u8]> = texts.by_ref().take(PIECES).collect();
-        if texts.is_empty() {
-            return reader.finish();
+        let is_last = source.by_ref().take(block_bytes as u64).read_to_end(&mut block)? < block_bytes;
+        if before.is_none() {
+            if let Some(problem) = foreign_content(&block) {
+                reader.refuse_file(problem);
+                return Ok(None);
+            }
+            if block.starts_with(b"\xef\xbb\xbf") {
+                block.drain(..3);
+            }
         }
+        let end = if is_last { block.len() } else { lines::last_end(&block) };
+        let texts: Vec<&[u8]> = lines::pieces(&block[..end], piece_bytes).collect();
         // Indices may count backwards from a line, so that a piece must know what stands before it.
         let counts: Vec<Counts> = texts.par_iter().map(|text| Counts::of(text)).collect();
-        let counted = counts.into_iter().scan(before, |before, counts| {
-            let these = *before;
-            *before = before.and(counts);
-            Some((these, *before))
-        });
-        let counted: Vec<(Counts, Counts)> = counted.collect();
-        let read = texts.par_iter().zip(&counted).zip(&mut pieces);
-        read.for_each(|((text, (before, _)), piece)| piece.read(text, *before));
-        for piece in &mut pieces[..texts.len()] {
-            reader.join(piece)?;
+        let mut after = before.unwrap_or_default();
+        let mut known = Vec::with_capacity(counts.len());
+        for counts in counts {
+            known.push(after);
+            after = after.and(counts);
         }
-        before = counted.last().map_or(before, |(_, after)| *after);
-        reader.mesh.normal_count = before.normals;
+        pieces.resize_with(texts.len().max(pieces.len()), Piece::default);
+        let read = texts.par_iter().zip(known).zip(&mut pieces);
+        read.for_each(|((text, before), piece)| piece.read(text, before));
+        for piece in &mut pieces[..texts.len()] {
+            if reader.join(piece).is_none() {
+                return Ok(None);
+            }
+        }
+        before = Some(after);
+        if is_last {
+            reader.mesh.normal_count = after.normals;
+            return Ok(reader.finish());
+        }
+        if end == 0 {
+            // A statement longer than all that was read.
+            block_bytes *= 2;
+        }
+        block.drain(..end);
     }
 }
 
@@ -146,14 +169,14 @@ struct Reader<'a> {
     report: &'a mut Vec<Diagnostic>,
     is_sound: bool,
     mesh: Mesh,
-    group: &'a [u8],
-    object: &'a [u8],
+    group: Vec<u8>,
+    object: Vec<u8>,
     /// Part of the faces that follow; found anew after each `g` and `o`.
     part: Option<u32>,
     /// The parts by the bytes of their names.
-    parts: BTreeMap<&'a [u8], u32>,
+    parts: BTreeMap<Vec<u8>, u32>,
     /// The bytes of each part's name, and the line of the name.
-    part_names: Vec<(&'a [u8], u32)>,
+    part_names: Vec<(Vec<u8>, u32)>,
     /// The line of the last `g` or `o`.
     name_line: u32,
 }
@@ -165,8 +188,8 @@ impl<'a> Reader<'a> {
             report,
             is_sound: true,
             mesh: Mesh::default(),
-            group: b"",
-            object: b"",
+            group: Vec::new(),
+            object: Vec::new(),
             part: None,
             parts: BTreeMap::new(),
             part_names: Vec::new(),
@@ -187,8 +210,16 @@ impl<'a> Reader<'a> {
         self.is_sound = false;
     }
 
+    fn refuse_file(&mut self, problem: &str) {
+        self.report.push(
+            Diagnostic::error("obj-encoding", self.file, Place::File)
+                .problem(problem)
+                .help("Export the shape as Wavefront OBJ, a text file in UTF-8."),
+        );
+    }
+
     /// Adds the next piece; none where the mesh becomes too large.
-    fn join(&mut self, piece: &mut Piece<'a>) -> Option<()> {
+    fn join(&mut self, piece: &mut Piece) -> Option<()> {
         let Piece { positions, position_lines, uv, faces, corners, names, problems } = piece;
         for problem in problems.drain(..) {
             self.refuse(problem.code, problem.line, problem.text);
@@ -219,8 +250,8 @@ impl<'a> Reader<'a> {
         Some(())
     }
 
-    fn rename(&mut self, statement: &piece::NameStatement<'a>) {
-        *(if statement.is_group { &mut self.group } else { &mut self.object }) = statement.name;
+    fn rename(&mut self, statement: &piece::NameStatement) {
+        (if statement.is_group { &mut self.group } else { &mut self.object }).clone_from(&statement.name);
         self.name_line = statement.line;
         self.part = None;
     }
@@ -229,12 +260,13 @@ impl<'a> Reader<'a> {
         if let Some(part) = self.part {
             return part;
         }
-        let names = [self.group, self.object, UNNAMED_PART];
+        let names = [&self.group, &self.object, UNNAMED_PART];
         let name = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default();
         let next = self.part_names.len() as u32;
-        let part = *self.parts.entry(name).or_insert(next);
+        let part = self.parts.get(name).copied().unwrap_or(next);
         if part == next {
-            self.part_names.push((name, self.name_line));
+            self.parts.insert(name.to_vec(), next);
+            self.part_names.push((name.to_vec(), self.name_line));
         }
         self.part = Some(part);
         part
@@ -268,7 +300,7 @@ impl<'a> Reader<'a> {
     }
 
     fn decode_names(&mut self) {
-        let bytes: Vec<&[u8]> = self.part_names.iter().map(|(name, _)| *name).collect();
+        let bytes: Vec<&[u8]> = self.part_names.iter().map(|(name, _)| &**name).collect();
         let decoded = match names::decode(&bytes) {
             Ok(decoded) => decoded,
             Err((name, encoding)) => {

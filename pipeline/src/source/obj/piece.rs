@@ -46,22 +46,22 @@ impl Counts {
 
 /// What stands in a piece.
 #[derive(Default)]
-pub(super) struct Piece<'a> {
+pub(super) struct Piece {
     pub positions: Vec<DVec3>,
     pub position_lines: Vec<u32>,
     pub uv: Vec<Vec2>,
     /// Their first corners count within the piece; they have no parts yet.
     pub faces: Vec<Face>,
     pub corners: Vec<Corner>,
-    pub names: Vec<NameStatement<'a>>,
+    pub names: Vec<NameStatement>,
     pub problems: Vec<Problem>,
 }
 
 /// A `g` or `o`.
-pub(super) struct NameStatement<'a> {
+pub(super) struct NameStatement {
     pub line: u32,
     pub is_group: bool,
-    pub name: &'a [u8],
+    pub name: Vec<u8>,
     /// How many faces of the piece stand before it.
     pub faces_before: usize,
 }
@@ -73,9 +73,9 @@ pub(super) struct Problem {
     pub text: String,
 }
 
-impl<'a> Piece<'a> {
+impl Piece {
     /// Reads a text that begins at a statement, with so much before it, in place of what was read before.
-    pub fn read(&mut self, text: &'a [u8], before: Counts) {
+    pub fn read(&mut self, text: &[u8], before: Counts) {
         let Piece { positions, position_lines, uv, faces, corners, names, problems } = self;
         positions.clear();
         position_lines.clear();
@@ -97,9 +97,7 @@ impl<'a> Piece<'a> {
                 }
                 Keyword::Face => self.face(line, &rest, before),
                 Keyword::Group | Keyword::Object => {
-                    // Names never go on in another line, so that this is always the text itself.
-                    let std::borrow::Cow::Borrowed(rest) = rest else { continue };
-                    let (name, faces_before) = (name(rest), self.faces.len());
+                    let (name, faces_before) = (name(&rest).to_vec(), self.faces.len());
                     self.names.push(NameStatement { line, is_group: keyword == Keyword::Group, name, faces_before });
                 }
                 Keyword::Normal | Keyword::Other => {}

@@ -176,6 +176,22 @@ fn names_of_other_bytes_are_other_parts_or_refused() {
     assert_eq!((report[0].code, &report[0].place), ("obj-names", &Place::Line(7)), "{report:?}");
 }
 
+#[test]
+fn a_text_is_the_same_in_blocks_of_any_size() {
+    // Statements and a comment that are longer than the least block, lines that go on at any place, relative indices.
+    let mut text = format!("{SQUARE}# {}\nv 1 2 {} 3\n", "long ".repeat(3000), "\\\r\n ".repeat(3000));
+    for i in 0..2000 {
+        text += &format!("g {}\\\nv {i} 0 {}0\nf -1 -2 \\\n{} # \\\n", i / 500, "\\\n".repeat(i % 3), i + 1);
+    }
+    let whole = read_in_pieces("test.obj", text.as_bytes(), text.len(), &mut Vec::new()).unwrap().unwrap();
+    assert_eq!((whole.positions.len(), whole.faces.len(), whole.parts.len()), (2005, 2000, 4));
+    assert_eq!(as_naive(&whole), naive(&text.replace('\r', "")));
+    for piece_bytes in [1, 100, 1000, PIECE_BYTES] {
+        let read = read_in_pieces("test.obj", text.as_bytes(), piece_bytes, &mut Vec::new()).unwrap().unwrap();
+        assert_eq!(read, whole, "{piece_bytes}");
+    }
+}
+
 /// Vertices and texture coordinates of the corners, and the name of the part.
 type NaiveFace = (Vec<(usize, Option<usize>)>, String);
 
@@ -237,7 +253,7 @@ proptest! {
     ) {
         let text = format!("v 0 0 0\nv 1 0 0\nvt 0 0\nvt 1 0\n{}", statements.join("\n"));
         let mut report = Vec::new();
-        let mesh = read_in_pieces("test.obj", text.as_bytes(), piece_bytes, &mut report);
+        let mesh = read_in_pieces("test.obj", text.as_bytes(), piece_bytes, &mut report).unwrap();
         prop_assert_eq!(&mesh, &read_bytes(text.as_bytes()).ok());
         let mesh = mesh.unwrap_or_else(|| panic!("{text}: {report:?}"));
         // `#` within a name is the one thing that the simplest reader does not know.
