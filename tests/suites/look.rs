@@ -1,8 +1,10 @@
 //! What people look at and measure with: pictures, contact sheets, exported frames.
 
+use super::blending::KOMON;
 use glam::{Vec2, Vec3};
 use image::{Rgb, RgbImage};
 use kitsuke::arrays::GarmentData;
+use kitsuke::pack::write::write;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate, evaluate_with_rates};
 use kitsuke_pipeline::look::frames::{
@@ -12,7 +14,6 @@ use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_
 use kitsuke_pipeline::look::scene::{Colours, Framing, Scene, View};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
 use kitsuke_pipeline::look::texture::Texture;
-use kitsuke_pipeline::memo::Memo;
 use kitsuke_tests::{small_garment, small_garment_data};
 use proptest::prelude::*;
 use std::path::Path;
@@ -353,11 +354,8 @@ fn v_lines(path: &Path) -> Vec<Vec3> {
 #[test]
 fn komon_comes_back_in_the_order_of_its_files() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
-    let mut source = kitsuke_pipeline::load(&folder).garment.expect("komon has no mistakes");
-    source.correctives = 0;
-    let cache = tempfile::tempdir().unwrap();
-    let built = kitsuke_pipeline::build_garment(&source, &Memo::new(cache.path()), &|_| {}).unwrap();
-    let pack = Pack::open(&built.pack).unwrap();
+    let (source, garment) = &*KOMON;
+    let pack = Pack::open(&write(garment)).unwrap();
     let garment = pack.garment();
     let mut stage = Stage::new(garment);
     let shots = own_poses(garment);
