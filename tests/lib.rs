@@ -2,6 +2,7 @@
 //! and `alloc/`.
 
 pub mod container;
+pub mod doll;
 pub mod hostile;
 pub mod motions;
 pub mod random;

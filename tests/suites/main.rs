@@ -1,6 +1,7 @@
 //! All suites, one binary.
 
 mod blending;
+mod bodies;
 mod build;
 mod covered;
 mod fit;

@@ -5,6 +5,7 @@ use crate::ir::Body;
 use crate::look::frames::{Blend, Shot, Stage, own_poses};
 use crate::look::raster::smooth_normals;
 use crate::stages::laplacian::Neighbours;
+use crate::stages::twins::Twins;
 use glam::Vec3;
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Garment, Scratch, evaluate};
@@ -219,29 +220,6 @@ fn directions() -> [Vec3; RAYS] {
         let (sine, angle) = (sine_squared.sqrt(), i as f32 * GOLDEN_RAD);
         Vec3::new(sine * libm::cosf(angle), sine * libm::sinf(angle), (1.0 - sine_squared).sqrt())
     })
-}
-
-/// Vertices at one place, which files keep apart where texture or normals have a seam.
-struct Twins {
-    /// For each vertex the first one at its place.
-    first: Vec<u32>,
-    /// The triangles over those.
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Twins {
-    fn of(body: &Body) -> Twins {
-        let positions_m = &body.surface.positions_m;
-        let place = |v: u32| positions_m[v as usize].to_array().map(f32::to_bits);
-        let mut sorted: Vec<u32> = (0..positions_m.len() as u32).collect();
-        sorted.sort_by_key(|&v| (place(v), v));
-        let mut first = vec![0; positions_m.len()];
-        for run in sorted.chunk_by(|&a, &b| place(a) == place(b)) {
-            run.iter().for_each(|&v| first[v as usize] = run[0]);
-        }
-        let triangles = body.surface.triangles.iter().map(|triangle| triangle.map(|v| first[v as usize])).collect();
-        Twins { first, triangles }
-    }
 }
 
 /// Takes what lies no farther than [`RIM_M`] from skin that is not covered, along edges, out of the mask.

@@ -17,6 +17,7 @@ pub mod reach;
 pub mod regions;
 pub mod skin;
 pub mod skin_fit;
+pub(crate) mod twins;
 mod weights;
 pub mod weld;
 

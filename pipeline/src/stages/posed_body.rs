@@ -1,5 +1,6 @@
 //! The skinned body in a pose, to be asked where places lie. Knows no cloth.
 
+use super::twins::Twins;
 use crate::ir::Body;
 use glam::Vec3;
 use kitsuke::skeleton::Pose;
@@ -9,14 +10,19 @@ use parry3d::shape::{TriMesh, TriMeshFlags};
 /// The posed body, ready for questions.
 pub(crate) struct PosedBody<'a> {
     body: &'a Body,
+    /// For each vertex the first one at its place.
+    first: Vec<u32>,
+    /// Over the first vertices at each place, with the triangles in the body's order.
     pub(crate) mesh: TriMesh,
 }
 
 impl<'a> PosedBody<'a> {
     pub(crate) fn new(body: &'a Body, pose: &Pose) -> PosedBody<'a> {
         let points = body.posed_m(pose).iter().map(|p| p.to_array().into()).collect();
-        let mesh = TriMesh::with_flags(points, body.surface.triangles.clone(), TriMeshFlags::ORIENTED);
-        PosedBody { body, mesh: mesh.expect("the body's surface has triangles") }
+        // Where the file has a seam the skin must be closed, or nobody can tell inside from outside beside it.
+        let Twins { first, triangles } = Twins::of(body);
+        let mesh = TriMesh::with_flags(points, triangles, TriMeshFlags::ORIENTED);
+        PosedBody { body, first, mesh: mesh.expect("the body's surface has triangles") }
     }
 
     /// How far outside a point lies, negative inside, and the direction that leads out there; `None` where the skin is farther than
@@ -59,6 +65,7 @@ impl<'a> PosedBody<'a> {
         /// Just outside, metres.
         const OUTSIDE_M: f32 = 1e-3;
         let place = |v: u32| Vec3::from_array(self.mesh.vertices()[v as usize].to_array());
+        let vertex = self.first[vertex as usize];
         let mut normal = Vec3::ZERO;
         for triangle in self.mesh.indices().iter().filter(|triangle| triangle.contains(&vertex)) {
             let [a, b, c] = triangle.map(place);

@@ -316,6 +316,7 @@ fn is_same(known: &str, name: &str) -> bool {
 /// the character's and does not count, nor does a tool's, nor what all names begin with up to an underscore.
 #[must_use]
 pub fn bones_of(names: &[&str]) -> Vec<Option<Bone>> {
+    let names = &without_numbers(names);
     let prefix = common_prefix(names);
     let bare: Vec<&str> = names.iter().map(|name| bare(name, prefix)).collect();
     let vrm = |name: &str| Bone::ALL.into_iter().find(|bone| is_same(bone.name(), name));
@@ -352,6 +353,16 @@ fn bare(name: &str, common: usize) -> &str {
     }
 }
 
+/// The names without the number that a converter gave to each of them: `Hips_01`, `Spine_02`.
+fn without_numbers<'a>(names: &[&'a str]) -> Vec<&'a str> {
+    let bare = |name: &&'a str| {
+        let (start, number) = name.rsplit_once('_')?;
+        (number.len() > 1 && number.bytes().all(|byte| byte.is_ascii_digit())).then_some(start)
+    };
+    let all: Option<Vec<&str>> = names.iter().map(bare).collect();
+    all.unwrap_or_else(|| names.to_vec())
+}
+
 /// Length of what all of several names begin with, up to its last underscore.
 fn common_prefix(names: &[&str]) -> usize {
     let [first, others @ ..] = names else { return 0 };
@@ -372,7 +383,7 @@ mod tests {
 
     #[test]
     fn the_same_name_means_what_its_neighbours_say() {
-        let table: [(&[&str], &[Option<Bone>]); 13] = [
+        let table: [(&[&str], &[Option<Bone>]); 14] = [
             (
                 &["hips", "leftShoulder", "leftUpperArm"],
                 &[Some(Bone::Hips), Some(Bone::LeftShoulder), Some(Bone::LeftUpperArm)],
@@ -426,6 +437,10 @@ mod tests {
             (
                 &["Root", "J_Bip_C_Hips", "J_Bip_L_UpperArm", "J_Sec_Hair1_01", "J_Bip_R_LowerLeg"],
                 &[None, Some(Bone::Hips), Some(Bone::LeftUpperArm), None, Some(Bone::RightLowerLeg)],
+            ),
+            (
+                &["mixamorig:Hips_01", "mixamorig:Spine_02", "mixamorig:Spine1_03", "mixamorig:LeftForeArm_010"],
+                &[Some(Bone::Hips), Some(Bone::Spine), Some(Bone::Chest), Some(Bone::LeftLowerArm)],
             ),
             (
                 &["Hips", "Left shoulder", "Left arm", "Left elbow", "Right leg", "Right knee"],

@@ -54,7 +54,10 @@ pub(super) fn open(bytes: &[u8]) -> Result<Container, String> {
     if json.len() > LONGEST_JSON {
         return Err(format!("its JSON part is longer than {} MB", LONGEST_JSON >> 20));
     }
-    let mut root: Map<String, Value> = serde_json::from_slice(json).map_err(|error| unreadable(&error))?;
+    let mut root: Map<String, Value> = serde_json::from_slice(json).map_err(|error| match blob {
+        None => format!("this is neither GLB nor glTF text: {error}"),
+        Some(_) => unreadable(&error),
+    })?;
     if let Some(name) = packed(&root) {
         return Err(format!(
             "its meshes are compressed with {name}, which is not read here: export without compression"

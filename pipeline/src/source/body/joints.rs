@@ -73,12 +73,13 @@ impl Joints {
         is_own.or_else(|| self.others.get(&node).copied())
     }
 
-    /// What a warning says of joints that are no bones, and of misspelt ones.
-    pub fn said_of_others(&self, nodes: &Nodes) -> Option<String> {
+    /// What a warning says of joints that are no bones, or misspelt ones, and move skin.
+    pub fn said_of_others(&self, nodes: &Nodes, moves_skin: impl Fn(usize) -> bool) -> Option<String> {
         let said = |(&node, &slot): (&usize, &u8)| {
             format!("{} with {}", named(&nodes.name[node]), self.bones[usize::from(slot)].0.name())
         };
-        (!self.others.is_empty()).then(|| listed(self.others.iter().map(said)))
+        let said: Vec<String> = self.others.iter().filter(|(node, _)| moves_skin(**node)).map(said).collect();
+        (!said.is_empty()).then(|| listed(said.into_iter()))
     }
 }
 

@@ -183,7 +183,12 @@ fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
     if file.is_vrm0 {
         warnings.push(Warning::Turned);
     }
-    warnings.extend(joints.said_of_others(&nodes).map(Warning::OtherJoints));
+    let mut moving = BTreeSet::new();
+    for (piece, skin) in own.iter().filter_map(|piece| Some((piece, piece.skin?))) {
+        let weighted = piece.influences.iter().filter(|(_, weight)| *weight > 0.0);
+        moving.extend(weighted.map(|(joint, _)| skins[skin].joints[*joint as usize]));
+    }
+    warnings.extend(joints.said_of_others(&nodes, |node| moving.contains(&node)).map(Warning::OtherJoints));
     if !left_out.is_empty() {
         let names: BTreeSet<String> = left_out.into_iter().map(|piece| piece.name).collect();
         warnings.push(Warning::LeftOut(names.into_iter().take(8).collect()));
@@ -220,7 +225,11 @@ fn assembled(nodes: &Nodes, skins: &[Skin], joints: &Joints, pieces: &[Piece], r
         let rest_m: DVec3 = place_m(node);
         Joint { bone, parent, rest_m: rest_m.as_vec3() }
     };
-    let skeleton = Skeleton::new(joints.bones.iter().map(joint).collect());
+    let bones: Vec<Joint> = joints.bones.iter().map(joint).collect();
+    if let Some(fault) = stance::wrong_size(bones.iter().map(|joint| joint.rest_m)) {
+        return Err(fault);
+    }
+    let skeleton = Skeleton::new(bones);
     let skeleton = skeleton.map_err(|error| format!("the joints form no skeleton: {error}"))?;
     let slots: Vec<Vec<u8>> =
         skins.iter().map(|skin| skin.joints.iter().map(|&node| joints.slot(node).unwrap_or(0)).collect()).collect();

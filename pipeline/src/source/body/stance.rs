@@ -17,6 +17,8 @@ const TRUNK_DEG: f32 = 25.0;
 const SKIN_DEG: f32 = 15.0;
 /// How far along its limb the middle of the skin may lie, as a share of where the middle between the joints lies.
 const SKIN_ALONG: std::ops::RangeInclusive<f32> = 0.6..=1.6;
+/// How far the skin of both feet together must lie before their joints to say where toes are, metres.
+const FEET_M: f32 = 0.01;
 /// How far turned a body may be and still face the same way, degrees.
 const FACING_DEG: f32 = 30.0;
 
@@ -51,12 +53,16 @@ const LIMBS: [Limb; 4] = [
 /// The first thing that is wrong with how a body stands; limbs all together. The body has the bones of all [`LIMBS`] and hips.
 pub(super) fn fault(body: &Body) -> Option<Fault> {
     let at = |bone: Bone| body.skeleton.rest_m(bone).unwrap_or_default();
-    wrong_size(body).or_else(|| lying(&at)).or_else(|| turned(body, &at)).or_else(|| wrong_limbs(body, &at))
+    wrong_size(body.surface.positions_m.iter().copied())
+        .or_else(|| lying(&at))
+        .or_else(|| turned(body, &at))
+        .or_else(|| wrong_limbs(body, &at))
 }
 
-fn wrong_size(body: &Body) -> Option<Fault> {
+/// Whether what has these places, skin or joints, is as large as a body.
+pub(super) fn wrong_size(places_m: impl Iterator<Item = Vec3>) -> Option<Fault> {
     let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = body.surface.positions_m.iter().fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
+    let (low, high) = places_m.fold(start, |(low, high), place_m| (low.min(place_m), high.max(place_m)));
     let size_m = (high - low).max_element();
     if SIZE_M.contains(&size_m) {
         return None;
@@ -97,22 +103,16 @@ fn turned(body: &Body, at: &dyn Fn(Bone) -> Vec3) -> Option<Fault> {
         .into_iter()
         .filter_map(|foot| Some((middle(body, foot)? - at(foot)).dot(front.normalize_or_zero())))
         .sum();
-    Some(if toes < 0.0 {
-        Fault {
-            problem: "left and right are exchanged: the left arm's joints lie on the body's right, as its feet point"
-                .to_owned(),
-            help: "Name the joints for the wearer's own left and right.".to_owned(),
-        }
+    let faces = format!("the body faces {}, but body and kimono face +Z, with the wearer's left at +X", axis(front));
+    let turn = format!("Turn the body by {off_deg:.0} degrees about its upright axis, apply that, and export it again");
+    let exchanged = "left and right are exchanged: the left arm's joints lie on the body's right, as its feet point";
+    let rename = "Name the joints for the wearer's own left and right";
+    Some(if toes > FEET_M {
+        Fault { problem: faces, help: format!("{turn}.") }
+    } else if toes < -FEET_M {
+        Fault { problem: exchanged.to_owned(), help: format!("{rename}.") }
     } else {
-        Fault {
-            problem: format!(
-                "the body faces {}, but body and kimono face +Z, with the wearer's left at +X",
-                axis(front)
-            ),
-            help: format!(
-                "Turn the body by {off_deg:.0} degrees about its upright axis, apply that, and export it again."
-            ),
-        }
+        Fault { problem: format!("{faces}; or left and right are exchanged"), help: format!("{turn}. {rename}.") }
     })
 }
 
