@@ -21,6 +21,7 @@ mod pack;
 mod rigs;
 mod skinning;
 mod suggest;
+mod tables_text;
 mod tailoring;
 mod texture;
 mod transfer;

@@ -13,6 +13,7 @@ mod target;
 use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::ir;
 use crate::source::Source;
+use crate::source::causes::Causes;
 use crate::source::folder::Folder;
 use crate::source::manifest::{self, BoneName, DriverEntry, Field, LimitEntry, Manifest, RegionSource, Up};
 use crate::source::masks::Mask;
@@ -25,7 +26,7 @@ use glam::{DVec3, Quat, Vec2, Vec3};
 use kitsuke::arrays::{PoseLimit, limits};
 use kitsuke::fit;
 use kitsuke::skeleton::Bone;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The budget where the manifest gives none.
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
@@ -37,6 +38,8 @@ const MARGIN_DEG: std::ops::RangeInclusive<f64> = 0.5..=45.0;
 const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Cosine of half a degree: two rotations whose quaternions' product exceeds it are less than one degree apart.
 const COS_HALF_DEGREE: f32 = 0.999_961_9;
+/// What no rotation becomes where w is written first.
+const HALF_TURN_ABOUT_X: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 /// A mask below this everywhere is empty.
 const EMPTY_MASK: f32 = 1.0 / 255.0;
 
@@ -97,8 +100,10 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let mut targets = Vec::new();
     let reference = target::Reference::new(base_mesh, &base, obi.as_ref().filter(|_| is_placed));
     let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(untwisted(table)).skip(1));
+    // A file that two rows name is a mistake, already reported, and need not be held twice.
+    let mut seen = BTreeSet::new();
     for (row, rotations) in rows {
-        let Some(mesh) = mesh_of(&row.file) else { continue };
+        let Some(mesh) = mesh_of(&row.file).filter(|mesh| seen.insert(mesh.file)) else { continue };
         let positions_m: Vec<Vec3> = mesh.mesh.positions.iter().map(place).collect();
         if target::check(&reference, mesh, &positions_m, report) {
             let PoseRow { name, file, .. } = row.clone();
@@ -257,6 +262,14 @@ fn check_poses(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Fold
                 .problem(format!("the first row names `{}`, which is not the base of garment.toml", base.file))
                 .help("The first row is the base in the T-pose; put it there, rotations 0, 0, 0, 1."),
         );
+    } else if base.rotations.iter().all(|q| is_near(*q, HALF_TURN_ABOUT_X)) {
+        report.push(
+            Diagnostic::error("base-pose", file, Place::Line(base.line))
+                .problem("every joint of the base has 1 in the column of qx and 0 in that of qw: w is written first")
+                .help("Move the columns' values: the order is qx, qy, qz, qw, so 0, 0, 0, 1 is no rotation; or rename the columns in the order w, x, y, z."),
+        );
+        // What the rows are is not known before that is mended.
+        return;
     } else if let Some(at) = base.rotations.iter().position(|q| !is_near(*q, Quat::IDENTITY)) {
         report.push(
             Diagnostic::error("base-pose", file, Place::Line(base.line))
@@ -283,26 +296,28 @@ fn check_poses(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Fold
 
 /// Rows against each other: names, files and poses that occur twice.
 fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folder, report: &mut Vec<Diagnostic>) {
+    let mut causes = Causes::default();
     let mut lines_of: BTreeMap<(&str, String), u32> = BTreeMap::new();
     for row in &table.rows {
         let shape = folder.name_of(&row.file).unwrap_or_else(|_| row.file.clone());
         for (what, key, shown) in [("name", row.name.to_lowercase(), &row.name), ("file", shape, &row.file)] {
-            if let Some(line) = lines_of.insert((what, key), row.line) {
-                report.push(
+            let line = *lines_of.entry((what, key)).or_insert(row.line);
+            if line != row.line {
+                causes.add("duplicate-target", format!("{what} {line}"), || {
                     Diagnostic::error("duplicate-target", file, Place::Line(row.line))
                         .problem(format!("the {what} `{shown}` stands in line {line} already"))
                         .help(
                             "Give every target a file and a name of its own (upper and lower case count as the same).",
-                        ),
-                );
+                        )
+                });
             }
         }
         if row.name.len() > limits::NAME_BYTES || !can_name_a_file(&row.name) {
-            report.push(
+            causes.add("target-name", "", || {
                 Diagnostic::error("target-name", file, Place::Line(row.line))
                     .problem("the name is too long or has characters that no file name may have")
-                    .help(format!("Use at most {} bytes of printable text without / and \\.", limits::NAME_BYTES)),
-            );
+                    .help(format!("Use at most {} bytes of printable text without / and \\.", limits::NAME_BYTES))
+            });
         }
     }
     // Unless every driver is right, nobody knows which joints are compared.
@@ -312,28 +327,37 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
     let joints: Option<Vec<Vec<Bone>>> = manifest.drivers.iter().map(driven).collect();
     let joints = joints.unwrap_or_default().concat();
     let rotations = untwisted(table);
-    for (i, row) in table.rows.iter().enumerate() {
-        for (other, rotations_of_other) in table.rows[..i].iter().zip(&rotations) {
-            let differing = table.bones.iter().zip(rotations[i].iter().zip(rotations_of_other));
-            let mut differing = differing.filter(|(_, (a, b))| !is_near(**a, **b)).map(|(bone, _)| bone).peekable();
-            let said = if differing.peek().is_none() {
-                if row.rotations.iter().zip(&other.rotations).all(|(a, b)| is_near(*a, *b)) {
-                    "differ by less than 1 degree in every joint"
-                } else {
-                    "differ only in the twist of arms, which turn inside the sleeves"
-                }
-            } else if !joints.is_empty() && !differing.any(|bone| joints.contains(bone)) {
-                "differ only in joints that no driver compares"
-            } else {
-                continue;
-            };
-            report.push(
-                Diagnostic::error("equal-poses", file, Place::Line(row.line))
-                    .problem(format!("the poses `{}` and `{}` (line {}) {said}", row.name, other.name, other.line))
-                    .help("Correct the rotations, leave one of the two out, or give a driver the joint that differs."),
-            );
-        }
+    // Each row is held against those that are no copies themselves, so that many copies cost no more than one.
+    let mut own: Vec<usize> = Vec::new();
+    for (i, row) in table.rows.iter().enumerate().take(limits::TARGETS + 1) {
+        let copied = |&of: &usize| Some((of, copied(table, &rotations, &joints, i, of)?));
+        let Some((of, said)) = own.iter().find_map(copied) else {
+            own.push(i);
+            continue;
+        };
+        let other = &table.rows[of];
+        causes.add("equal-poses", format!("{of} {said}"), || {
+            Diagnostic::error("equal-poses", file, Place::Line(row.line))
+                .problem(format!("the poses `{}` and `{}` (line {}) {said}", row.name, other.name, other.line))
+                .help("Correct the rotations, leave one of the two out, or give a driver the joint that differs.")
+        });
     }
+    causes.report("row", report);
+}
+
+/// Why nobody can tell two rows apart, as the rest of a sentence; `None` where they differ.
+fn copied(table: &PoseTable, rotations: &[Vec<Quat>], joints: &[Bone], a: usize, b: usize) -> Option<&'static str> {
+    let differing = table.bones.iter().zip(rotations[a].iter().zip(&rotations[b]));
+    let mut differing = differing.filter(|(_, (a, b))| !is_near(**a, **b)).map(|(bone, _)| bone).peekable();
+    if differing.peek().is_none() {
+        let (a, b) = (&table.rows[a].rotations, &table.rows[b].rotations);
+        return Some(match a.iter().zip(b).all(|(a, b)| is_near(*a, *b)) {
+            true => "differ by less than 1 degree in every joint",
+            false => "differ only in the twist of arms, which turn inside the sleeves",
+        });
+    }
+    (!joints.is_empty() && !differing.any(|bone| joints.contains(bone)))
+        .then_some("differ only in joints that no driver compares")
 }
 
 /// The rotations of every row as the cloth follows them.

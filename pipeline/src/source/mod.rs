@@ -2,12 +2,14 @@
 //! everything; `input_files` only finds out which bytes a garment depends on. Knows no check of one file against another.
 
 pub mod body;
+pub(crate) mod causes;
 mod delimited;
 pub mod folder;
 pub mod formula;
 pub mod manifest;
 pub mod masks;
 pub mod measurements;
+mod numbers;
 pub mod obj;
 pub mod paths;
 pub mod rules;
@@ -17,6 +19,7 @@ pub mod units;
 
 use crate::diagnostic::{self, Diagnostic, Place, Severity};
 use crate::ir;
+use causes::Causes;
 use folder::Folder;
 pub use folder::InputFile;
 use kitsuke::tailoring::RuleSet;
@@ -294,16 +297,22 @@ fn read_files<T: Send>(
         .map(|((name, _), reference)| (name, folder.read(name).map(|bytes| decode(reference, bytes))))
         .collect();
     let mut files = Vec::new();
+    let mut missing = BTreeMap::new();
     for (name, result) in read {
         match result {
             Ok(decoded) => files.push((name.to_owned(), decoded)),
             Err(error) => {
-                for reference in references.iter().filter(|reference| reference.name == name) {
-                    report.push(missing_file(folder, name, &reference.cited_in, &reference.place, &error));
-                }
+                missing.insert(name, error);
             }
         }
     }
+    let mut causes = Causes::default();
+    for Reference { name, cited_in, place, .. } in references {
+        if let Some(error) = missing.get(name.as_str()) {
+            causes.add("file", format!("{cited_in} {name}"), || missing_file(folder, name, cited_in, place, error));
+        }
+    }
+    causes.report("row", report);
     files
 }
 

@@ -1,10 +1,11 @@
 //! `sizes.csv`: one row per body for which the kimono was made, with its measurements and the joints of its skeleton. Knows nothing of the
 //! files that its rows name.
 
+use super::causes::Causes;
 use super::delimited::Row;
 use super::manifest::unknown_bone;
 use super::units::LengthUnit;
-use super::{closest, tables};
+use super::{closest, numbers, tables};
 use crate::diagnostic::{Diagnostic, Place};
 use glam::DVec3;
 use kitsuke::measurement::{Measurement, Measurements};
@@ -53,7 +54,8 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Si
     let before = report.len();
     let table = tables::read_csv(file, bytes, ROWS, report)?;
     let before_header = report.len();
-    let columns: Vec<Column> = table.header.iter().map(|header| column(file, header, report)).collect();
+    let columns: Vec<Column> =
+        table.header.iter().map(|header| column(file, header, &table.header_place, report)).collect();
     let mut bones: Vec<Bone> = Vec::new();
     for column in &columns {
         if let Column::Joint(bone, _) = column
@@ -62,10 +64,11 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Si
             bones.push(*bone);
         }
     }
-    check_header(file, &columns, &bones, report);
+    check_header(file, &table.header_place, &columns, &bones, report);
     if report.len() > before_header {
         return None;
     }
+    let mut causes = Causes::default();
     let mut rows = Vec::new();
     for Row { line, cells, .. } in &table.rows {
         let mut row = SizeRow { line: *line, joints: vec![DVec3::ZERO; bones.len()], ..SizeRow::default() };
@@ -76,42 +79,49 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Si
                 Column::Ignored => {}
                 Column::Measurement(..) if value.is_empty() => {}
                 Column::Measurement(measurement, unit) => {
-                    if let Some(number) = number(file, *line, header, value, report) {
+                    if let Some(number) = number(file, *line, header, value, &mut causes) {
                         let value_m = number * unit.metres();
-                        check_plausible(file, *line, header, value, measurement, value_m, report);
+                        check_plausible(file, *line, header, value, measurement, value_m, &mut causes);
                         row.measurements = row.measurements.with(measurement, value_m as f32);
                     }
                 }
                 Column::Joint(bone, axis) => {
                     let at = bones.iter().position(|b| *b == bone).expect("every joint column's bone is listed");
-                    row.joints[at][axis] = number(file, *line, header, value, report).unwrap_or(0.0);
+                    row.joints[at][axis] = number(file, *line, header, value, &mut causes).unwrap_or(0.0);
                 }
             }
         }
         for (what, value) in [("file", &row.file), ("body", &row.body)] {
             if value.is_empty() {
-                report.push(
+                causes.add("size-row", what, || {
                     Diagnostic::error("size-row", file, Place::Line(*line))
                         .problem(format!("this row has no {what}"))
-                        .help("Each row gives the shape's file, the body's name, its measurements and its joints."),
-                );
+                        .help("Each row gives the shape's file, the body's name, its measurements and its joints.")
+                });
             }
         }
         rows.push(row);
     }
+    causes.report("cell", report);
     (report.len() == before).then_some(SizeTable { bones, rows })
 }
 
-fn number(file: &str, line: u32, header: &str, value: &str, report: &mut Vec<Diagnostic>) -> Option<f64> {
-    let number = value.parse::<f64>().ok().filter(|number| number.is_finite());
-    if number.is_none() {
-        report.push(
+fn number(file: &str, line: u32, header: &str, value: &str, causes: &mut Causes) -> Option<f64> {
+    let number = numbers::read(value);
+    if let Err(wrong) = &number {
+        let cause = if wrong.cause.is_empty() { value } else { wrong.cause };
+        causes.add("size-number", cause, || {
             Diagnostic::error("size-number", file, Place::Line(line))
-                .problem(format!("{header} is `{value}`, which is no number"))
-                .help("Write numbers with a point; leave a measurement empty that is not known."),
-        );
+                .problem(format!("{header}: {}", wrong.problem))
+                .help(
+                    wrong
+                        .help
+                        .as_deref()
+                        .unwrap_or("Write numbers with a point; leave a measurement empty that is not known."),
+                )
+        });
     }
-    number
+    number.ok()
 }
 
 fn check_plausible(
@@ -121,24 +131,24 @@ fn check_plausible(
     value: &str,
     measurement: Measurement,
     value_m: f64,
-    report: &mut Vec<Diagnostic>,
+    causes: &mut Causes,
 ) {
     let (least_m, most_m) = measurement.plausible_m();
     if !(f64::from(least_m)..=f64::from(most_m)).contains(&value_m) {
-        report.push(
+        causes.add("size-measurement", header, || {
             Diagnostic::error("size-measurement", file, Place::Line(line))
                 .problem(format!(
                     "{header} is {value}, but bodies have {:.0} to {:.0} cm",
                     least_m * 100.0,
                     most_m * 100.0
                 ))
-                .help("Correct the number, or the unit at the end of the column's name: _mm, _cm or _m."),
-        );
+                .help("Correct the number, or the unit at the end of the column's name: _mm, _cm or _m.")
+        });
     }
 }
 
 /// Columns that are missing or occur twice.
-fn check_header(file: &str, columns: &[Column], bones: &[Bone], report: &mut Vec<Diagnostic>) {
+fn check_header(file: &str, place: &Place, columns: &[Column], bones: &[Bone], report: &mut Vec<Diagnostic>) {
     let mut wanted = vec![(Column::File, "file".to_owned()), (Column::Body, "body".to_owned())];
     for &bone in bones {
         wanted.extend((0..3).map(|axis| (Column::Joint(bone, axis), format!("{}_{}", bone.name(), AXES[axis]))));
@@ -158,7 +168,7 @@ fn check_header(file: &str, columns: &[Column], bones: &[Bone], report: &mut Vec
         wrong.push("the size table has no measurements".to_owned());
     }
     for problem in wrong {
-        report.push(Diagnostic::error("size-column", file, Place::Line(1)).problem(problem).help(HELP));
+        report.push(Diagnostic::error("size-column", file, place.clone()).problem(problem).help(HELP));
     }
 }
 
@@ -167,7 +177,7 @@ const HELP: &str = "Columns are file, body, measurements with their unit (bust_g
                     _y, _z: its place in the T-pose, in the unit and axes of garment.toml.";
 
 /// What a header means; reports one that means nothing.
-fn column(file: &str, header: &str, report: &mut Vec<Diagnostic>) -> Column {
+fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>) -> Column {
     match header {
         "file" => return Column::File,
         "body" => return Column::Body,
@@ -192,6 +202,6 @@ fn column(file: &str, header: &str, report: &mut Vec<Diagnostic>) -> Column {
         },
         _ => format!("the column `{header}` means nothing here"),
     };
-    report.push(Diagnostic::error("size-column", file, Place::Line(1)).problem(problem).help(HELP));
+    report.push(Diagnostic::error("size-column", file, place.clone()).problem(problem).help(HELP));
     Column::Ignored
 }

@@ -1,8 +1,10 @@
 //! `poses.csv`: one row per sample, its joint rotations as quaternions relative to the T-pose. Knows nothing of the
 //! files that its rows name.
 
+use super::causes::Causes;
 use super::delimited::{self, Cells, Row};
 use super::manifest::unknown_bone;
+use super::numbers;
 use crate::diagnostic::{Diagnostic, Place};
 use glam::{DQuat, Quat};
 use kitsuke::skeleton::{Bone, Pose};
@@ -57,26 +59,28 @@ enum Column {
 pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<PoseTable> {
     let before = report.len();
     let table = read_rotations(file, bytes, report)?;
+    let mut causes = Causes::default();
     for row in &table.rows {
         for (what, value) in [("file", &row.file), ("name", &row.name)] {
             if value.is_empty() {
-                report.push(
+                causes.add("pose-row", what, || {
                     Diagnostic::error("pose-row", file, Place::Line(row.line))
                         .problem(format!("this row has no {what}"))
-                        .help("Each row gives file, name and the joint rotations; the header's first columns are file,name."),
-                );
+                        .help("Each row gives file, name and the joint rotations; the header's first columns are file,name.")
+                });
             }
         }
     }
+    causes.report("row", report);
     (report.len() == before).then_some(table)
 }
 
 /// Reads only what a list of poses needs: the rotations. `file` and `name` may be absent, and files need not exist.
 pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<PoseTable> {
     let before = report.len();
-    let Cells { header: headers, rows: records } = read_csv(file, bytes, ROWS, report)?;
+    let Cells { header: headers, header_place, rows: records } = read_csv(file, bytes, ROWS, report)?;
     let before_header = report.len();
-    let columns: Vec<Column> = headers.iter().map(|header| column(file, header, report)).collect();
+    let columns: Vec<Column> = headers.iter().map(|header| column(file, header, &header_place, report)).collect();
     let mut bones: Vec<Bone> = Vec::new();
     for column in &columns {
         if let Column::Rotation(bone, _) = column
@@ -94,7 +98,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
                     _ => format!("the column {}_{axis} occurs {count} times", bone.name()),
                 };
                 report.push(
-                    Diagnostic::error("pose-column", file, Place::Line(1))
+                    Diagnostic::error("pose-column", file, header_place.clone())
                         .problem(problem)
                         .help(format!("A joint's rotation is four columns: {0}_qx,{0}_qy,{0}_qz,{0}_qw.", bone.name())),
                 );
@@ -103,7 +107,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
     }
     if bones.is_empty() {
         report.push(
-            Diagnostic::error("pose-column", file, Place::Line(1))
+            Diagnostic::error("pose-column", file, header_place.clone())
                 .problem("the pose table has no joint rotations")
                 .help("Add four columns per joint, for example rightUpperArm_qx,rightUpperArm_qy,rightUpperArm_qz,rightUpperArm_qw."),
         );
@@ -111,64 +115,124 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
     if report.len() > before_header {
         return None;
     }
+    let (mut of_cells, mut of_rotations) = (Causes::default(), Causes::default());
     let mut rows = Vec::new();
     for Row { line, cells, .. } in records {
         let mut row = PoseRow { line, file: String::new(), name: String::new(), rotations: Vec::new() };
-        let mut parts = vec![[0.0f64; 4]; bones.len()];
+        let mut parts = vec![Written::default(); bones.len()];
         for ((value, column), header) in cells.iter().zip(&columns).zip(&headers) {
             match column {
                 Column::File => row.file = value.to_owned(),
                 Column::Name => row.name = value.to_owned(),
                 Column::Ignored => {}
-                Column::Rotation(bone, i) => match value.parse::<f64>() {
-                    Ok(number) if number.is_finite() => {
-                        let at = bones.iter().position(|b| b == bone).expect("every rotation column's bone is listed");
-                        parts[at][*i] = number;
+                Column::Rotation(bone, i) => {
+                    let at = bones.iter().position(|b| b == bone).expect("every rotation column's bone is listed");
+                    let number = numbers::read(value);
+                    parts[at].add(*i, value, number.as_ref().ok().copied());
+                    if let Err(wrong) = number {
+                        let cause = if wrong.cause.is_empty() { value } else { wrong.cause };
+                        of_cells.add("pose-number", cause, || {
+                            Diagnostic::error("pose-number", file, Place::Line(line))
+                                .problem(format!("{header}: {}", wrong.problem))
+                                .help(wrong.help.as_deref().unwrap_or(
+                                    "Give the joint's rotation against the T-pose as a unit quaternion; 0, 0, 0, 1 is no rotation.",
+                                ))
+                        });
                     }
-                    _ => report.push(
-                        Diagnostic::error("pose-number", file, Place::Line(line))
-                            .problem(format!("{header} is `{value}`, which is no number"))
-                            .help("Give the joint's rotation against the T-pose as a unit quaternion; 0, 0, 0, 1 is no rotation."),
-                    ),
-                },
+                }
             }
         }
         for (bone, part) in bones.iter().zip(parts) {
-            let q = DQuat::from_array(part);
-            if (q.length() - 1.0).abs() > UNIT_TOLERANCE && report.len() == before {
-                report.push(
+            if let Some((cause, problem, help)) = part.mistake() {
+                of_rotations.add("pose-quaternion", cause, || {
                     Diagnostic::error("pose-quaternion", file, Place::Line(line))
-                        .problem(format!("the rotation of {} has length {:.4}, not 1", bone.name(), q.length()))
-                        .help("Columns are qx, qy, qz, qw in this order; 0, 0, 0, 1 is no rotation."),
-                );
+                        .problem(format!("the rotation of {} {problem}", bone.name()))
+                        .help(help)
+                });
             }
-            row.rotations.push(q.normalize().as_quat());
+            row.rotations.push(DQuat::from_array(part.parts).normalize().as_quat());
         }
         rows.push(row);
     }
+    of_cells.report("cell", report);
+    of_rotations.report("rotation", report);
     (report.len() == before).then_some(PoseTable { bones, rows })
 }
 
-/// Reads a table of at most `most` rows between commas; nothing where it is no table.
+/// A rotation as its four cells have it.
+#[derive(Clone, Copy, Default)]
+struct Written {
+    parts: [f64; 4],
+    /// The most decimals of any part; whoever rounds cells rounds them alike.
+    decimals: usize,
+    /// Whether a cell is no number.
+    is_damaged: bool,
+}
+
+impl Written {
+    fn add(&mut self, i: usize, text: &str, number: Option<f64>) {
+        self.parts[i] = number.unwrap_or(0.0);
+        self.decimals = self.decimals.max(numbers::decimals(text).unwrap_or(usize::MAX));
+        self.is_damaged |= number.is_none();
+    }
+
+    /// Why this is no rotation, what is wrong, and what to do.
+    fn mistake(&self) -> Option<(&'static str, String, String)> {
+        let [x, y, z, w] = self.parts;
+        let length = DQuat::from_array(self.parts).length();
+        if self.is_damaged || (length - 1.0).abs() <= UNIT_TOLERANCE {
+            return None;
+        }
+        let largest = self.parts.iter().fold(0.0f64, |largest, part| largest.max(part.abs()));
+        // Each of four parts is off by half a step, so their length by no more than one.
+        let step = 0.1f64.powi(self.decimals.min(9) as i32);
+        let turns: Vec<(char, f64)> =
+            ['x', 'y', 'z'].into_iter().zip(self.parts).filter(|(_, turn)| *turn != 0.0).collect();
+        if (1..=2).contains(&self.decimals) && (length - 1.0).abs() <= step + 1e-9 {
+            let said = if self.decimals == 1 { "one decimal" } else { "two decimals" };
+            return Some((
+                "rounded",
+                format!("has length {length:.4}, not 1: its numbers were rounded to {said} by a spreadsheet"),
+                "Format the cells with six decimals and export again.".to_owned(),
+            ));
+        }
+        if largest > std::f64::consts::PI {
+            let help = match turns[..] {
+                [(axis, degrees)] if w == 0.0 || w == 1.0 => {
+                    let half = (degrees / 2.0).to_radians();
+                    format!(
+                        "A turn of {degrees} degrees about {axis} is q{axis} = {:.6}, qw = {:.6} and 0 in the two others.",
+                        libm::sin(half),
+                        libm::cos(half)
+                    )
+                }
+                _ => "Give unit quaternions: for a turn of A degrees about one axis sin(A/2) in its column and cos(A/2) in qw."
+                    .to_owned(),
+            };
+            return Some((
+                "degrees",
+                format!("is {x}, {y}, {z}, {w}; a quaternion's numbers lie between -1 and 1, these are degrees"),
+                help,
+            ));
+        }
+        Some((
+            "length",
+            format!("has length {length:.4}, not 1"),
+            "Columns are qx, qy, qz, qw in this order; 0, 0, 0, 1 is no rotation.".to_owned(),
+        ))
+    }
+}
+
+/// Reads a table of at most `most` rows; nothing where it is no table.
 pub(super) fn read_csv(file: &str, bytes: &[u8], most: usize, report: &mut Vec<Diagnostic>) -> Option<Cells> {
     let text = super::utf8(file, bytes, report)?;
-    let separators = match delimited::separator(delimited::first_line(text).as_bytes()) {
-        b';' => "semicolons",
-        b'\t' => "tabs",
-        comma => return delimited::read(file, text, comma, most, report),
-    };
-    report.push(
-        Diagnostic::error("csv-syntax", file, Place::Line(1))
-            .problem(format!("the columns are separated by {separators}, not by commas"))
-            .help("Save the table with commas between columns, and with points in numbers."),
-    );
-    None
+    delimited::read(file, text, delimited::separator(delimited::first_line(text).as_bytes()), most, report)
 }
 
 const AXES: [&str; 4] = ["qx", "qy", "qz", "qw"];
 
 /// What a header means; reports one that means nothing.
-fn column(file: &str, header: &str, report: &mut Vec<Diagnostic>) -> Column {
+fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>) -> Column {
     match header {
         "file" => return Column::File,
         "name" => return Column::Name,
@@ -185,7 +249,7 @@ fn column(file: &str, header: &str, report: &mut Vec<Diagnostic>) -> Column {
         _ => format!("the column `{header}` means nothing here"),
     };
     report.push(
-        Diagnostic::error("pose-column", file, Place::Line(1))
+        Diagnostic::error("pose-column", file, place.clone())
             .problem(problem)
             .help("Columns are file, name and, per joint, its VRM 1.0 name with _qx, _qy, _qz, _qw."),
     );

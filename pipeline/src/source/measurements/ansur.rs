@@ -7,6 +7,7 @@
 
 use super::{Body, ROWS, Unit, Value, number};
 use crate::diagnostic::{Diagnostic, Place};
+use crate::source::causes::Causes;
 use crate::source::delimited;
 use kitsuke::measurement::Measurement;
 
@@ -45,18 +46,22 @@ pub(super) fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Op
     let column = |name: &str| cells.header.iter().position(|header| header.eq_ignore_ascii_case(name));
     let columns = COLUMNS.map(|(name, measurement)| (name, column(name), measurement));
     let (span, hand, id) = (column("span"), column("handlength"), column("subjectid"));
+    let mut causes = Causes::default();
     let mut bodies = Vec::new();
     for row in &cells.rows {
         let place = Place::Line(row.line);
-        let before = report.len();
+        let mut is_damaged = false;
         let mut millimetres = |name: &str, at: Option<usize>| {
             let cell = at.map(|at| row.cells[at].as_str()).filter(|cell| !cell.is_empty())?;
-            let wrong = |(problem, help): (String, &str)| {
-                Diagnostic::error("measurement-number", file, place.clone())
-                    .problem(format!("row {}, column {name}: {problem}", row.number))
-                    .help(help)
+            let mut say = |(problem, help)| {
+                is_damaged = true;
+                causes.add("measurement-number", format!("{name} {problem}"), || {
+                    Diagnostic::error("measurement-number", file, place.clone())
+                        .problem(format!("row {}, column {name}: {problem}", row.number))
+                        .help(help)
+                });
             };
-            number(cell).map_err(|error| report.push(wrong(error))).ok()
+            number(cell).map_err(&mut say).ok()
         };
         let mut values = Vec::new();
         let mut push = |measurement, written| {
@@ -71,8 +76,8 @@ pub(super) fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Op
             push(Measurement::BackNeckToWrist, span / 2.0 - hand + YUKI_SLACK_MM);
         }
         let name = id.map_or(String::new(), |at| row.cells[at].clone());
-        let is_damaged = report.len() > before;
         bodies.push(Body { row: row.number, name, place: place.clone(), values, is_damaged });
     }
+    causes.report("row", report);
     Some(bodies)
 }

@@ -7,7 +7,9 @@ mod own;
 mod seamly;
 mod seamly_formula;
 
+use super::causes::Causes;
 use super::folder;
+use super::numbers::{self, shortened};
 use super::units::LengthUnit;
 use crate::diagnostic::{self, Diagnostic, Place};
 use encoding_rs::{Encoding, SHIFT_JIS, UTF_8};
@@ -85,7 +87,9 @@ pub fn read(file: &str, bytes: &[u8]) -> Result<Vec<Wearer>, Vec<Diagnostic>> {
         Format::FreeSewing => freesewing::read(file, bytes, &mut report),
         Format::Seamly => seamly::read(file, bytes, &mut report),
     };
-    let wearers: Vec<Wearer> = wearers.iter().flatten().map(|body| body.checked(file, &mut report)).collect();
+    let mut causes = Causes::default();
+    let wearers: Vec<Wearer> = wearers.iter().flatten().map(|body| body.checked(file, &mut causes)).collect();
+    causes.report("row", &mut report);
     if wearers.is_empty() && report.is_empty() {
         report.push(
             Diagnostic::error("no-wearers", file, Place::File)
@@ -254,16 +258,16 @@ const RATIOS: [(Measurement, Measurement, f64, f64); 16] = {
 
 impl Body {
     /// The wearer; reports measurements that no body has, and those that do not go together.
-    fn checked(&self, file: &str, report: &mut Vec<Diagnostic>) -> Wearer {
+    fn checked(&self, file: &str, causes: &mut Causes) -> Wearer {
         let row = self.row;
         let name = if self.name.is_empty() { format!("row {row}") } else { self.name.clone() };
         let said = if self.name.is_empty() { name.clone() } else { format!("row {row}, {name}") };
         if self.values.is_empty() && !self.is_damaged {
-            report.push(
+            causes.add("no-measurements", "", || {
                 Diagnostic::error("no-measurements", file, self.place.clone())
                     .problem(format!("{said}: no measurement is given"))
-                    .help("Give at least the body height and the hip girth, or delete the row."),
-            );
+                    .help("Give at least the body height and the hip girth, or delete the row.")
+            });
         }
         let mut measurements = Measurements::default();
         for value in &self.values {
@@ -271,11 +275,11 @@ impl Body {
                 measurements = measurements.with(value.measurement, value.metres() as f32);
             } else {
                 let (low_cm, high_cm) = plausible_cm(value.measurement);
-                report.push(
+                causes.add("implausible", format!("{value} {}", self.guess(value)), || {
                     Diagnostic::error("implausible", file, value.place.clone())
                         .problem(format!("{said}: {value} is not between {low_cm} and {high_cm} cm"))
-                        .help(self.guess(value)),
-                );
+                        .help(self.guess(value))
+                });
             }
         }
         if !self.values.iter().all(Value::is_plausible) {
@@ -292,13 +296,13 @@ impl Body {
                     true => format!("Are {} and {} exchanged?", first.measurement.name(), second.measurement.name()),
                     false => "Measure both again; what is not known is left out.".to_owned(),
                 };
-                report.push(
+                let problem =
+                    format!("{first} is {ratio:.2} times {second}; bodies have {least:.2} to {greatest:.2} times");
+                causes.add("impossible-body", problem.clone(), || {
                     Diagnostic::error("impossible-body", file, first.place.clone())
-                        .problem(format!(
-                            "{said}: {first} is {ratio:.2} times {second}; bodies have {least:.2} to {greatest:.2} times"
-                        ))
-                        .help(help),
-                );
+                        .problem(format!("{said}: {problem}"))
+                        .help(help)
+                });
             }
         }
         Wearer { row, name, measurements }
@@ -332,34 +336,16 @@ fn to_cm(metres: f64) -> f64 {
 }
 
 /// A number as tables have it; `Err` is what is wrong and what to do.
-fn number(text: &str) -> Result<f64, (String, &'static str)> {
-    let text = &half_width(text);
-    if let Some(number) = text.parse::<f64>().ok().filter(|number| number.is_finite()) {
-        return Ok(number);
-    }
-    let is_with_point = text.contains(',') && text.replacen(',', ".", 1).parse::<f64>().is_ok();
-    let starts_with_number = text.starts_with(|c: char| c.is_ascii_digit());
-    let help = match (is_with_point, starts_with_number) {
-        (true, _) => "Decimals take a point: 153.7.",
-        (_, true) => "Write the number alone; the unit stands in the column's name, as in body_height_cm.",
-        _ => "Write a number; what is not known is left empty.",
-    };
-    Err((format!("`{}` is no number", shortened(text)), help))
-}
-
-/// Digits, points and signs as Japanese keyboards also write them, `１５８．５`, become those that are read.
-fn half_width(text: &str) -> String {
-    let narrow = |c: char| match c {
-        '０'..='９' | '．' | '＋' | '－' | '，' => char::from_u32(u32::from(c) - 0xfee0).unwrap_or(c),
-        _ => c,
-    };
-    text.chars().map(narrow).collect()
-}
-
-/// The beginning of a text, short enough for a message.
-fn shortened(text: &str) -> String {
-    match text.char_indices().nth(40) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
+fn number(text: &str) -> Result<f64, (String, String)> {
+    let text = &numbers::half_width(text);
+    numbers::read(text).map_err(|wrong| {
+        let help = wrong.help.unwrap_or_else(|| {
+            match text.starts_with(|c: char| c.is_ascii_digit()) {
+                true => "Write the number alone; the unit stands in the column's name, as in body_height_cm.",
+                false => "Write a number; what is not known is left empty.",
+            }
+            .to_owned()
+        });
+        (wrong.problem, help)
+    })
 }

@@ -1,7 +1,9 @@
 //! The project's own tables: CSV with columns like `body_height_cm`, and TOML with `[[wearer]]`.
 
-use super::{Body, ROWS, Unit, Value, half_width, number, unit_names};
+use super::{Body, ROWS, Unit, Value, number, unit_names};
 use crate::diagnostic::{Diagnostic, Place};
+use crate::source::causes::Causes;
+use crate::source::numbers::half_width;
 use crate::source::units::number_and_unit;
 use crate::source::{closest, delimited, utf8};
 use kitsuke::measurement::Measurement;
@@ -75,7 +77,7 @@ pub(super) fn read_table(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>)
     for header in &cells.header {
         let (name, unit) = split(header);
         let wrong = |code, problem: String, help: String| {
-            Diagnostic::error(code, file, Place::Line(1)).problem(problem).help(help)
+            Diagnostic::error(code, file, cells.header_place.clone()).problem(problem).help(help)
         };
         let mut column = None;
         match (from_name(name), unit) {
@@ -116,7 +118,7 @@ pub(super) fn read_table(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>)
     }
     if report.len() == before && columns.iter().all(Option::is_none) {
         report.push(
-            Diagnostic::error("measurement-column", file, Place::Line(1))
+            Diagnostic::error("measurement-column", file, cells.header_place.clone())
                 .problem("no column is a measurement")
                 .help(format!("Name columns like body_height_cm. Measurements are {}.", names())),
         );
@@ -125,6 +127,7 @@ pub(super) fn read_table(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>)
         return None;
     }
     let named = ["name", "body", "id"].into_iter().find_map(|name| cells.header.iter().position(|h| h == name));
+    let mut causes = Causes::default();
     let mut bodies = Vec::new();
     for row in &cells.rows {
         let name = named.map_or(String::new(), |at| row.cells[at].clone());
@@ -139,16 +142,17 @@ pub(super) fn read_table(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>)
                 Ok(written) => values.push(Value { measurement, written, unit, place: place.clone() }),
                 Err((problem, help)) => {
                     is_damaged = true;
-                    report.push(
+                    causes.add("measurement-number", format!("{header} {problem}"), || {
                         Diagnostic::error("measurement-number", file, place.clone())
                             .problem(format!("row {}, column {header}: {problem}", row.number))
-                            .help(help),
-                    );
+                            .help(help)
+                    });
                 }
             }
         }
         bodies.push(Body { row: row.number, name, place, values, is_damaged });
     }
+    causes.report("row", report);
     Some(bodies)
 }
 

@@ -91,7 +91,7 @@ pub(super) fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Op
         let written = match number(text) {
             Ok(written) => Ok(written),
             Err(_) if text.is_empty() => Ok(0.0),
-            Err(_) if is_formula => evaluate(text, &above),
+            Err(_) if is_formula => evaluate(text, &above).map_err(|(problem, help)| (problem, help.to_owned())),
             Err((problem, help)) => Err((problem, help)),
         };
         above.push((name, written.as_ref().ok().copied()));
