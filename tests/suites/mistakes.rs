@@ -134,6 +134,8 @@ fn step(place: &mut Workplace, step: &str) {
             let (side, grey) = (side.parse().unwrap(), grey.parse().unwrap());
             image::GrayImage::from_pixel(side, side, image::Luma([grey])).save(at(file)).unwrap();
         }
+        // As a download that broke off leaves it.
+        ["cut", file, length] => write(file, &read(file)[..length.parse().unwrap()]),
         // Bytes of a GLB's binary chunk.
         ["patch", file, offset, byte, count] => {
             let mut bytes = read(file);

@@ -10,6 +10,7 @@ mod last_build;
 use crate::build::{Built, StageRun, build_garment};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::Memo;
+use crate::stages::regions::Remainder;
 use crate::{load, source};
 use index::{Entry, Index};
 use kitsuke::Pack;
@@ -357,7 +358,9 @@ fn target_bytes(pack: &[u8]) -> u64 {
 
 /// What painted masks cut off, as warnings.
 fn remainder_warnings<'a>(id: &'a str, built: &'a Built) -> impl Iterator<Item = Diagnostic> + 'a {
-    built.remainders.iter().map(move |remainder| {
+    // What would be said as 0.0 mm is nothing.
+    let is_seen = |remainder: &&Remainder| remainder.lost_m >= 0.05e-3;
+    built.remainders.iter().filter(is_seen).map(move |remainder| {
         Diagnostic::warning("mask-remainder", format!("{id}/garment.toml"), Place::File)
             .problem(format!(
                 "the painted masks cut off up to {:.1} mm where {} moves the cloth (target {}, vertex {})",

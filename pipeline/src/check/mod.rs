@@ -6,6 +6,8 @@ mod gaps;
 mod layers;
 mod mesh;
 mod placement;
+mod regions;
+mod sides;
 mod signature;
 mod size;
 mod target;
@@ -15,14 +17,13 @@ use crate::ir;
 use crate::source::Source;
 use crate::source::causes::Causes;
 use crate::source::folder::Folder;
-use crate::source::manifest::{self, BoneName, DriverEntry, Field, LimitEntry, Manifest, RegionSource, Up};
-use crate::source::masks::Mask;
+use crate::source::manifest::{self, BoneName, DriverEntry, Field, LimitEntry, Manifest, Up};
 use crate::source::obj;
 use crate::source::paths::Paths;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, rules};
-use glam::{DVec3, Quat, Vec2, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use kitsuke::arrays::{PoseLimit, limits};
 use kitsuke::fit;
 use kitsuke::skeleton::Bone;
@@ -40,8 +41,6 @@ const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 const COS_HALF_DEGREE: f32 = 0.999_961_9;
 /// What no rotation becomes where w is written first.
 const HALF_TURN_ABOUT_X: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
-/// A mask below this everywhere is empty.
-const EMPTY_MASK: f32 = 1.0 / 255.0;
 
 /// A file of the garment and the mesh in it.
 #[derive(Clone, Copy)]
@@ -65,6 +64,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let poses = poses.zip(poses_file.as_deref());
     if let Some((table, file)) = &poses {
         check_poses(table, file, &manifest, &folder, report);
+        sides::check(table, file, report);
     }
     let drivers = check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
     let pose_limits = check_limits(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
@@ -76,8 +76,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     for mesh in [base_mesh, obi_mesh].into_iter().flatten() {
         mesh::check(mesh, report);
     }
-    let regions =
-        base_mesh.and_then(|base| check_regions(&manifest, &manifest_file, &folder, base.mesh, &masks, report));
+    let regions = base_mesh.and_then(|base| regions::check(&manifest, &manifest_file, &folder, base, &masks, report));
 
     // What follows compares places, which needs unit and axes.
     let unit = manifest.unit.as_ref().map_or(Some(LengthUnit::M), |unit| unit.get().copied())?;
@@ -429,6 +428,7 @@ fn check_drivers(
             layer: 0,
         })
     };
+    sides::check_groups(manifest, file, report);
     manifest.drivers.iter().map(driver).collect()
 }
 
@@ -538,82 +538,6 @@ fn check_joints(
             );
         }
     }
-}
-
-/// The regions as the manifest wants them; masks are checked even where regions are grown.
-fn check_regions(
-    manifest: &Manifest,
-    file: &str,
-    folder: &Folder,
-    base: &obj::Mesh,
-    masks: &BTreeMap<String, Mask>,
-    report: &mut Vec<Diagnostic>,
-) -> Option<ir::Regions> {
-    let source = manifest.regions.as_ref().map_or(Some(RegionSource::Auto), |regions| regions.get().copied())?;
-    let mut painted = Vec::new();
-    let mut first: Option<(&str, &Mask)> = None;
-    for driver in &manifest.drivers {
-        let Some(field) = &driver.mask else {
-            if source == RegionSource::Painted {
-                report.push(
-                    Diagnostic::error("missing-mask", file, driver.name.as_ref().map_or(Place::File, Field::place))
-                        .problem("regions are painted, but this driver has no mask")
-                        .help("Add mask = \"regions/NAME.png\", or set regions = \"auto\"."),
-                );
-            }
-            continue;
-        };
-        let Some((name, mask)) = field.get().and_then(|written| masks.get_key_value(&folder.name_of(written).ok()?))
-        else {
-            continue;
-        };
-        let (first_name, first_mask) = *first.get_or_insert((name, mask));
-        if (mask.width, mask.height) != (first_mask.width, first_mask.height) {
-            report.push(
-                Diagnostic::error("mask-size", name, Place::File)
-                    .problem(format!(
-                        "the mask has {} x {} pixels, but {first_name} has {} x {}",
-                        mask.width, mask.height, first_mask.width, first_mask.height
-                    ))
-                    .help("Paint all masks of a kimono in one size, for example 1024 x 1024."),
-            );
-        }
-        let weights = vertex_values(base, |uv| mask.sample(uv));
-        if base.is_textured() && weights.iter().all(|&weight| weight < EMPTY_MASK) {
-            report.push(
-                Diagnostic::error("empty-mask", name, Place::File)
-                    .problem("the mask is black wherever the kimono lies")
-                    .help("Paint the driver's region white, in the texture space of the base (v = 0 at the bottom)."),
-            );
-        }
-        painted.push(weights);
-    }
-    if first.is_some() && !base.is_textured() {
-        report.push(
-            Diagnostic::error("mask-without-uv", file, Place::File)
-                .problem("there are masks, but the base has no texture coordinates to look them up with")
-                .help("Export the base with texture coordinates, or remove the masks and set regions = \"auto\"."),
-        );
-    }
-    match source {
-        RegionSource::Auto => Some(ir::Regions::Auto),
-        RegionSource::Painted => (painted.len() == manifest.drivers.len()).then_some(ir::Regions::Painted(painted)),
-    }
-}
-
-/// For each vertex the mean of `value` over its distinct texture coordinates; 0 where it has none.
-fn vertex_values(mesh: &obj::Mesh, value: impl Fn(Vec2) -> f32) -> Vec<f32> {
-    let pair = |corner: &obj::Corner| Some((corner.vertex, corner.uv?));
-    let mut pairs: Vec<(u32, u32)> = mesh.corners.iter().filter_map(pair).collect();
-    pairs.sort_unstable();
-    pairs.dedup();
-    let mut sums = vec![(0.0, 0u32); mesh.positions.len()];
-    for (vertex, coordinate) in pairs {
-        let (sum, count) = &mut sums[vertex as usize];
-        *sum += value(mesh.uv[coordinate as usize]);
-        *count += 1;
-    }
-    sums.into_iter().map(|(sum, count)| if count == 0 { 0.0 } else { sum / count as f32 }).collect()
 }
 
 /// Paths run along edges of the base.

@@ -3,25 +3,25 @@
 
 use crate::diagnostic::{Diagnostic, Place};
 use glam::Vec2;
-use image::{ImageFormat, ImageReader, Limits};
-use std::io::Cursor;
+use png::{BitDepth, Decoder, DecodingError, Transformations};
+use std::io::{Cursor, ErrorKind};
 
 /// Widest and highest image, pixels.
 const SIDE: u32 = 8192;
 
-/// A grey image, 0 (not this region) to 1 (wholly this region).
+/// A grey image, 0 (not this region) to 65535 (wholly this region).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     /// Pixels in a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Rows from the top of the image, `width * height` values in 0..=1.
-    pub values: Vec<f32>,
+    /// Rows from the top of the image, `width * height` values.
+    pub values: Vec<u16>,
 }
 
 impl Mask {
-    /// The bilinear value at a texture coordinate; v = 0 is the bottom edge, and outside 0..=1 the edge pixels go on.
+    /// The bilinear value in 0..=1 at a texture coordinate; v = 0 is the bottom edge. Outside 0..=1 the mask repeats, as textures do.
     #[must_use]
     pub fn sample(&self, uv: Vec2) -> f32 {
         let along = |t: f32, size: u32| {
@@ -29,53 +29,169 @@ impl Mask {
             let low = at.floor();
             (low as usize, (low as usize + 1).min(size as usize - 1), at - low)
         };
+        let uv = repeated(uv);
         let (x0, x1, fx) = along(uv.x, self.width);
         let (y0, y1, fy) = along(1.0 - uv.y, self.height);
-        let value = |x: usize, y: usize| self.values[y * self.width as usize + x];
+        let value = |x: usize, y: usize| f32::from(self.values[y * self.width as usize + x]) / 65535.0;
         let top = value(x0, y0) * (1.0 - fx) + value(x1, y0) * fx;
         let bottom = value(x0, y1) * (1.0 - fx) + value(x1, y1) * fx;
         top * (1.0 - fy) + bottom * fy
     }
 }
 
-/// The bytes of a colour texture, once its header has shown that it is a PNG of usable size.
-pub fn read_texture(file: &str, bytes: Vec<u8>, report: &mut Vec<Diagnostic>) -> Option<Vec<u8>> {
-    let size = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Png).into_dimensions();
-    let problem = match size {
-        Ok((1..=SIDE, 1..=SIDE)) => return Some(bytes),
-        Ok((width, height)) => format!("the texture has {width} x {height} pixels"),
-        Err(error) => format!("the texture is no readable PNG: {error}"),
-    };
-    report.push(
-        Diagnostic::error("texture-image", file, Place::File)
-            .problem(problem)
-            .help(format!("Save the texture as a PNG of at most {SIDE} x {SIDE} pixels.")),
-    );
-    None
+/// The place in the image of a texture coordinate outside 0..=1; those inside, both edges too, stay as they are.
+fn repeated(uv: Vec2) -> Vec2 {
+    let along = |t: f32| if (0.0..=1.0).contains(&t) { t } else { t - t.floor() };
+    Vec2::new(along(uv.x), along(uv.y))
 }
 
-/// Decodes a PNG mask of 8 or 16 bits, grey or coloured (then its luminance counts).
-pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Mask> {
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(SIDE);
-    limits.max_image_height = Some(SIDE);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-    reader.limits(limits);
-    match reader.decode() {
-        Ok(image) if image.width() > 0 && image.height() > 0 => {
-            let grey = image.to_luma16();
-            let (width, height) = grey.dimensions();
-            let values = grey.into_raw().into_iter().map(|value| f32::from(value) / 65535.0).collect();
-            Some(Mask { width, height, values })
+/// What a decoded row is made of.
+struct Rows {
+    width: u32,
+    height: u32,
+    /// Grey, grey and alpha, colour, or colour and alpha.
+    samples: usize,
+    is_16_bit: bool,
+    is_interlaced: bool,
+}
+
+/// Decodes a PNG row by row, so that the whole image is never held; what is wrong with it comes back in words. Rows of an
+/// interlaced image are those of its passes.
+fn decode(
+    bytes: &[u8],
+    begin: impl FnOnce(&Rows) -> Result<(), String>,
+    mut row: impl FnMut(&Rows, &[u8]),
+) -> Result<(), String> {
+    let wrong = |error: DecodingError| match &error {
+        DecodingError::IoError(io) if io.kind() == ErrorKind::UnexpectedEof => {
+            "it ends in the middle, cut off when it was copied or saved".to_owned()
         }
-        other => {
-            let reason = other.err().map_or("it has no pixels".to_owned(), |error| error.to_string());
+        _ => error.to_string(),
+    };
+    let mut decoder = Decoder::new(Cursor::new(bytes));
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(wrong)?;
+    let (colour, depth) = reader.output_color_type();
+    let info = reader.info();
+    let rows = Rows {
+        width: info.width,
+        height: info.height,
+        samples: colour.samples(),
+        is_16_bit: depth == BitDepth::Sixteen,
+        is_interlaced: info.interlaced,
+    };
+    if rows.width > SIDE || rows.height > SIDE {
+        return Err(format!("it has {} x {} pixels", rows.width, rows.height));
+    }
+    begin(&rows)?;
+    while let Some(decoded) = reader.next_interlaced_row().map_err(wrong)? {
+        row(&rows, decoded.data());
+    }
+    reader.finish().map_err(wrong)
+}
+
+/// The bytes of a colour texture, once all of it has been decoded.
+pub fn read_texture(file: &str, bytes: Vec<u8>, report: &mut Vec<Diagnostic>) -> Option<Vec<u8>> {
+    match decode(&bytes, |_| Ok(()), |_, _| ()) {
+        Ok(()) => Some(bytes),
+        Err(reason) => {
             report.push(
-                Diagnostic::error("mask-image", file, Place::File)
-                    .problem(format!("the mask is no readable PNG: {reason}"))
-                    .help(format!("Save the mask as a grey PNG of at most {SIDE} x {SIDE} pixels.")),
+                Diagnostic::error("texture-image", file, Place::File)
+                    .problem(format!("the texture is no readable PNG: {reason}"))
+                    .help(format!("Save the texture again, as a PNG of at most {SIDE} x {SIDE} pixels.")),
             );
             None
         }
+    }
+}
+
+/// Decodes a PNG mask of any depth, grey or coloured (then its luminance counts). What is transparent counts as black, so
+/// that white paint on a transparent layer is what it looks like.
+pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Mask> {
+    let mut values = Vec::new();
+    let mut size = (0, 0);
+    let begin = |rows: &Rows| {
+        size = (rows.width, rows.height);
+        match rows.is_interlaced {
+            true => Err("it is interlaced".to_owned()),
+            false => Ok(()),
+        }
+    };
+    let decoded = decode(bytes, begin, |rows, row| {
+        let bytes = if rows.is_16_bit { 2 } else { 1 };
+        let sample = |pixel: &[u8], i: usize| match pixel[i * bytes..(i + 1) * bytes] {
+            [high, low] => u64::from(u16::from_be_bytes([high, low])),
+            [byte] => u64::from(byte) * 257,
+            _ => 0,
+        };
+        values.extend(row.chunks_exact(rows.samples * bytes).map(|pixel| {
+            let grey = match rows.samples {
+                1 | 2 => sample(pixel, 0),
+                _ => (2126 * sample(pixel, 0) + 7152 * sample(pixel, 1) + 722 * sample(pixel, 2)) / 10_000,
+            };
+            let alpha = if rows.samples % 2 == 0 { sample(pixel, rows.samples - 1) } else { 65535 };
+            (grey * alpha / 65535) as u16
+        }));
+    });
+    match decoded {
+        Ok(()) => Some(Mask { width: size.0, height: size.1, values }),
+        Err(reason) => {
+            report.push(
+                Diagnostic::error("mask-image", file, Place::File)
+                    .problem(format!("the mask is no readable PNG: {reason}"))
+                    .help(format!(
+                        "Save the mask as a grey PNG of at most {SIDE} x {SIDE} pixels, without interlacing."
+                    )),
+            );
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{DynamicImage, ImageFormat, LumaA, Rgba};
+
+    fn png(image: impl Into<DynamicImage>) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.into().write_to(&mut bytes, ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn transparent_paint_is_black_and_masks_repeat() {
+        let bright_left = |x: u32| if x < 4 { 255 } else { 0 };
+        let grey = image::GrayImage::from_fn(8, 8, |x, _| image::Luma([bright_left(x)]));
+        let wanted = read("m.png", &png(grey), &mut Vec::new()).unwrap();
+        let grey_alpha = image::GrayAlphaImage::from_fn(8, 8, |x, _| LumaA([255, bright_left(x)]));
+        let colour = image::RgbaImage::from_fn(8, 8, |x, _| Rgba([255, 255, 255, bright_left(x)]));
+        let deep = DynamicImage::from(colour.clone()).into_rgba16();
+        for bytes in [png(grey_alpha), png(colour), png(deep)] {
+            assert_eq!(read("m.png", &bytes, &mut Vec::new()).unwrap(), wanted);
+        }
+        for (uv, value) in [((0.2, 0.5), 1.0), ((0.8, 0.5), 0.0), ((1.0, 0.5), 0.0), ((0.0, 0.5), 1.0)] {
+            assert_eq!(wanted.sample(uv.into()), value);
+            for whole in [-3.0, 2.0] {
+                let away = Vec2::new(uv.0 + whole, uv.1 - whole);
+                if uv.0 % 1.0 != 0.0 {
+                    assert_eq!(wanted.sample(away), value, "{away}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn images_that_end_early_are_refused() {
+        let noise =
+            image::RgbImage::from_fn(64, 64, |x, y| image::Rgb([(x * 37 + y * y * 11) as u8, (x * y) as u8, y as u8]));
+        let bytes = png(noise);
+        for length in [bytes.len() / 4, bytes.len() / 2, bytes.len() - 20] {
+            let mut report = Vec::new();
+            assert_eq!(read_texture("t.png", bytes[..length].to_vec(), &mut report), None);
+            assert_eq!(read("m.png", &bytes[..length], &mut report), None);
+            assert!(report.iter().all(|d| d.problem.contains("it ends in the middle")), "{report:?}");
+        }
+        assert!(read_texture("t.png", bytes.clone(), &mut Vec::new()).is_some());
     }
 }
