@@ -4,12 +4,14 @@
 use glam::Vec3;
 use kitsuke::skeleton::vmc::Receiver;
 use kitsuke::skeleton::{Bone, Joint, Skeleton, bvh, recording, vrma};
+use kitsuke_pipeline::source;
 
 /// The name of a fuzz target and what it feeds.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// One function per fuzz target.
-pub const TARGETS: [Target; 4] = [("osc", osc), ("bvh", bvh_text), ("json", json), ("glb", glb)];
+pub const TARGETS: [Target; 6] =
+    [("osc", osc), ("bvh", bvh_text), ("json", json), ("glb", glb), ("body", body), ("obj", obj)];
 
 /// Datagrams, each behind its length as two bytes, as a sender might interleave them; the time goes on by 10 ms each.
 pub fn osc(bytes: &[u8]) {
@@ -43,15 +45,9 @@ pub fn json(bytes: &[u8]) {
     }
 }
 
-/// Binary glTF: the JSON up to the first zero byte, the binary part after it, so that a fuzzer need not count bytes.
+/// VRM animation, as [`binary_gltf`].
 pub fn glb(bytes: &[u8]) {
-    let middle = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-    let mut file = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
-    for (kind, chunk) in [(b"JSON", &bytes[..middle]), (b"BIN\0", bytes.get(middle + 1..).unwrap_or_default())] {
-        file.extend((chunk.len() as u32).to_le_bytes());
-        file.extend(kind);
-        file.extend(chunk);
-    }
+    let file = binary_gltf(bytes);
     if let Ok(recording) = vrma::read(&file, &small_wearer()) {
         assert!(!recording.frames.is_empty() && recording.frames.iter().all(|frame| frame.pose.is_valid()));
     }
@@ -59,6 +55,54 @@ pub fn glb(bytes: &[u8]) {
         assert!(rest.local.iter().chain(&rest.world).all(|rotation| rotation.is_normalized()));
     }
     json(bytes);
+}
+
+/// A wearer's body, as [`binary_gltf`].
+pub fn body(bytes: &[u8]) {
+    let mut report = Vec::new();
+    if let Some(body) = source::body::read("body.glb", &binary_gltf(bytes), &mut report) {
+        let count = body.surface.positions_m.len();
+        assert!(body.surface.positions_m.iter().all(|place_m| place_m.is_finite()) && body.skin.len() == count);
+        assert!(body.surface.triangles.iter().flatten().all(|&v| (v as usize) < count));
+        let joints = body.skeleton.joints().len();
+        let is_sound = |row: &[(u8, f32); 4]| {
+            let sum: f32 = row.iter().map(|(_, weight)| weight).sum();
+            (sum - 1.0).abs() < 1e-3 && row.iter().all(|(joint, _)| usize::from(*joint) < joints)
+        };
+        assert!(body.skin.iter().all(is_sound));
+    } else {
+        assert!(!report.is_empty());
+    }
+}
+
+/// OBJ text.
+pub fn obj(bytes: &[u8]) {
+    let mut report = Vec::new();
+    match source::obj::read("mesh.obj", bytes, &mut report) {
+        Some(mesh) => {
+            let count = mesh.positions.len();
+            assert!(mesh.positions.iter().all(|position| position.is_finite()));
+            assert!(mesh.triangulate().corners.iter().flatten().all(|corner| (corner.vertex as usize) < count));
+        }
+        None => assert!(!report.is_empty()),
+    }
+}
+
+/// The JSON up to the first zero byte, the binary part after it, so that a fuzzer need not count bytes.
+fn binary_gltf(bytes: &[u8]) -> Vec<u8> {
+    let middle = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    let chunks = [(b"JSON", &bytes[..middle]), (b"BIN\0", bytes.get(middle + 1..).unwrap_or_default())];
+    let padded = |chunk: &[u8]| chunk.len().next_multiple_of(4);
+    let length = 12 + chunks.iter().map(|(_, chunk)| 8 + padded(chunk)).sum::<usize>();
+    file.extend((length as u32).to_le_bytes());
+    for (kind, chunk) in chunks {
+        file.extend((padded(chunk) as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+        file.resize(file.len().next_multiple_of(4), b' ');
+    }
+    file
 }
 
 fn small_wearer() -> Skeleton {

@@ -584,3 +584,27 @@ fn damaged_bodies_are_refused() {
     assert!(read_body(&singular.glb()).is_err_and(|fault| fault.problem.contains("bind matrix")));
     assert_eq!(Mat4::ZERO.determinant(), 0.0);
 }
+
+/// Writes the fuzz target's seeds: the doll in a few ways, with few vertices. Run by hand where the writer changes:
+/// `cargo test -p kitsuke-tests -- --ignored write_the_seeds_of_bodies`.
+#[test]
+#[ignore = "writes fuzz/corpus/body"]
+fn write_the_seeds_of_bodies() {
+    let mut doll = Doll::read();
+    doll.triangles.retain(|triangle| triangle[0] % 8 == 0);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/body");
+    let wanted = [
+        "joints turned along their bones",
+        "two skins, joints in another order",
+        "a sparse shape is on",
+        "quantised",
+        "VRM 1.0",
+        "VRM 0.x",
+    ];
+    for (what, file, _) in sound(&doll).into_iter().filter(|(what, ..)| wanted.contains(what)) {
+        let mut json = file.json.clone();
+        json["buffers"] = json!([{"byteLength": file.bin.len()}]);
+        let bytes = [json.to_string().as_bytes(), &[0], &file.bin].concat();
+        std::fs::write(folder.join(what.replace([' ', ',', '.'], "_")), bytes).unwrap();
+    }
+}
