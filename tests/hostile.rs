@@ -45,7 +45,7 @@ pub fn json(bytes: &[u8]) {
     }
 }
 
-/// VRM animation, as [`binary_gltf`].
+/// VRM animation, as JSON, a zero byte and the binary part.
 pub fn glb(bytes: &[u8]) {
     let file = binary_gltf(bytes);
     if let Ok(recording) = vrma::read(&file, &small_wearer()) {
@@ -57,7 +57,7 @@ pub fn glb(bytes: &[u8]) {
     json(bytes);
 }
 
-/// A wearer's body, as [`binary_gltf`].
+/// A wearer's body, as JSON, a zero byte and the binary part.
 pub fn body(bytes: &[u8]) {
     let mut report = Vec::new();
     if let Some(body) = source::body::read("body.glb", &binary_gltf(bytes), &mut report) {

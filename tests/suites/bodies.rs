@@ -359,6 +359,8 @@ fn a_body_that_does_not_stand_as_poses_take_for_granted_is_refused_with_the_reas
     let a_pose = doll.posed(&arms_down(35.0));
     let mut no_binds = written(&doll);
     no_binds.json["skins"][0].as_object_mut().unwrap().remove("inverseBindMatrices");
+    let mut lost = written(&doll);
+    lost.json["meshes"][0]["primitives"][0]["indices"] = json!(99);
     let mut draco = written(&doll);
     draco.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
     let mut two = written(&doll);
@@ -413,6 +415,7 @@ fn a_body_that_does_not_stand_as_poses_take_for_granted_is_refused_with_the_reas
             &["left and right are exchanged"],
         ),
         ("no bind matrices", no_binds, &["no bind matrices", "export"]),
+        ("a list of triangles that is not there", lost, &["names accessor 99"]),
         ("Draco", draco, &["Draco", "without compression"]),
         ("two bodies", two, &["two joints are called hips", "one body"]),
         (

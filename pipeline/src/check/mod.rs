@@ -5,9 +5,12 @@ mod exchange;
 mod gaps;
 mod layers;
 mod mesh;
+mod near_skin;
 mod placement;
 mod regions;
 mod sides;
+mod pose_fit;
+mod pose_words;
 mod signature;
 mod size;
 mod target;
@@ -89,7 +92,8 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         let file = value(&manifest.paths).and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
         check_paths(paths, &file, base_mesh.file, &base, report);
     }
-    let is_placed = body.as_ref().is_none_or(|body| placement::check(base_mesh, &base, unit, body, report));
+    let near = body.as_ref().map_or(Vec::new(), |body| near_skin::pairs(&base.positions_m, body));
+    let is_placed = body.as_ref().is_none_or(|body| placement::check(base_mesh, &base, unit, body, &near, report));
     if let (Some(mesh), Some(obi)) = (obi_mesh, &obi)
         && is_placed
     {
@@ -108,6 +112,10 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
             let PoseRow { name, file, .. } = row.clone();
             targets.push(ir::TargetShape { name, file, layer: 0, rotations, positions_m });
         }
+    }
+    if let (Some(body), Some((table, file)), true) = (&body, &poses, is_placed) {
+        let found = pose_fit::faults(&base.positions_m, body, &near, &table.bones, &targets);
+        report.extend(found.iter().map(|fault| pose_words::diagnostic(fault, table, file, &targets)));
     }
     let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
     target::check_copies(&folder, &base, &shapes, "pose", report);
@@ -289,6 +297,8 @@ fn check_poses(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Fold
                 .problem(format!("{} targets are more than a pack can hold", grouped(targets.len())))
                 .help(format!("Use at most {}.", grouped(limits::TARGETS))),
         );
+        // Rows are compared two by two.
+        return;
     }
     check_rows(table, file, manifest, folder, report);
 }

@@ -1,11 +1,12 @@
-//! Whether the base sits on the body: unit, axes, place, the wearer's left and right, outside and inside.
+//! Whether the base sits on the body: unit, axes, place, the wearer's left and right, outside and inside, which front lies over the other.
 
 use super::NamedMesh;
+use super::near_skin::Pair;
 use super::target::{bounds, said_ratio};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::units::LengthUnit;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// A kimono's bounding box is so much of the body's, at least and at most; beyond, the unit is wrong.
 const SIZE: std::ops::RangeInclusive<f32> = 0.2..=3.0;
@@ -15,8 +16,16 @@ const USUAL_SIZE: f32 = 0.95;
 const AWAY: f32 = 0.25;
 /// How far the middles of left pieces must lie on the wrong side, as a share of the body's height.
 const WRONG_SIDE: f32 = 0.02;
-/// Side of the cells in which the layers of the front are compared, metres.
-const CELL_M: f32 = 0.04;
+/// How far from the middle the open edge of the front may lie, as a share of the body's height: sleeves hang farther out.
+const FRONT: f32 = 0.15;
+/// How far the open edge must lie on the wrong side of the middle, metres.
+const OVERLAP_M: f32 = 0.02;
+/// Cloth this deep in the skin lies through it, metres.
+const THROUGH_M: f32 = 0.01;
+/// Share of the cloth near the skin that may lie through it; on the sample none does, on a body that is larger by 5 % an eighth.
+const THROUGH: f32 = 0.08;
+/// Fewer vertices near the skin say nothing.
+const LEAST_NEAR: usize = 50;
 
 /// Reports why the base does not sit on the body; true when it does.
 pub(super) fn check(
@@ -24,6 +33,7 @@ pub(super) fn check(
     base: &ir::Surface,
     unit: LengthUnit,
     body: &ir::Body,
+    near: &[Pair],
     report: &mut Vec<Diagnostic>,
 ) -> bool {
     if base.triangles.is_empty() {
@@ -34,7 +44,8 @@ pub(super) fn check(
         .or_else(|| away(base, body))
         .or_else(|| wrong_side(base, body))
         .or_else(|| inside_out(base, body))
-        .or_else(|| right_over_left(base));
+        .or_else(|| right_over_left(base, body))
+        .or_else(|| through_skin(near));
     let Some((code, problem, help)) = found else { return true };
     report.push(Diagnostic::error(code, file, Place::File).problem(problem).help(help));
     false
@@ -186,30 +197,68 @@ fn inside_out(base: &ir::Surface, body: &ir::Body) -> Option<Mistake> {
     ))
 }
 
-/// Where both front panels (okumi) overlap, the left one lies in front.
-fn right_over_left(base: &ir::Surface) -> Option<Mistake> {
-    let cell = |p: Vec3| (Vec2::new(p.x, p.y) / CELL_M).floor().as_ivec2().to_array();
-    let mut cells = std::collections::BTreeMap::<[i32; 2], [(f32, u32); 2]>::new();
-    for (side, name) in ["okumi_left", "okumi_right"].into_iter().enumerate() {
-        for point in part_corners(base, move |part| part == name) {
-            let (sum, count) = &mut cells.entry(cell(point)).or_default()[side];
-            *sum += point.z;
-            *count += 1;
+/// The outer front panel ends in an edge that can be seen from the front. On a kimono worn left over right it lies on the wearer's right.
+fn right_over_left(base: &ir::Surface, body: &ir::Body) -> Option<Mistake> {
+    let at = |v: u32| base.positions_m[v as usize];
+    let (low, high) = bounds(&body.surface.positions_m);
+    let (middle, height_m) = ((low + high) / 2.0, high.y - low.y);
+    // Between knees and hips, in front.
+    let is_front = |p: Vec3| {
+        (0.3..0.5).contains(&((p.y - low.y) / height_m)) && (p.x - middle.x).abs() < FRONT * height_m && p.z > middle.z
+    };
+    let mut uses = std::collections::BTreeMap::<[u32; 2], u32>::new();
+    for &[a, b, c] in &base.triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            *uses.entry([from.min(to), from.max(to)]).or_default() += 1;
         }
     }
-    let shared: Vec<f32> = cells
-        .into_values()
-        .filter(|[(_, left), (_, right)]| *left > 0 && *right > 0)
-        .map(|[(left, left_count), (right, right_count)]| left / left_count as f32 - right / right_count as f32)
+    let open = uses.into_iter().filter(|(_, uses)| *uses == 1).map(|(edge, _)| edge.map(at));
+    let upright = open.filter(|[from, to]| (to.y - from.y).abs() > 0.7 * from.distance(*to));
+    let covers = |p: Vec3| {
+        move |triangle: &&[u32; 3]| {
+            let [a, b, c] = triangle.map(at);
+            let turn = |from: Vec3, to: Vec3| (to - from).truncate().perp_dot((p - from).truncate());
+            let turns = [turn(a, b), turn(b, c), turn(c, a)];
+            let is_over = turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0);
+            let sum: f32 = turns.iter().sum();
+            is_over && (turns[1] * a.z + turns[2] * b.z + turns[0] * c.z) / sum > p.z + 1e-3
+        }
+    };
+    let seen: Vec<f32> = upright
+        .map(|[from, to]| (from + to) / 2.0)
+        .filter(|p| is_front(*p) && !base.triangles.iter().any(|triangle| covers(*p)(&triangle)))
+        .map(|p| p.x - middle.x)
         .collect();
-    let right_in_front = shared.iter().filter(|lead| **lead < 0.0).count();
-    if shared.len() < 8 || right_in_front * 10 < shared.len() * 7 {
+    let on_left = seen.iter().filter(|x_m| **x_m > OVERLAP_M).count();
+    let on_right = seen.iter().filter(|x_m| **x_m < -OVERLAP_M).count();
+    // An open front shows both edges.
+    if on_left < 4 || on_left < 4 * on_right {
         return None;
     }
     Some((
         "right-over-left",
         "the right front panel lies over the left (左前)".to_owned(),
         "A kimono is worn left over right (右前); export without mirroring, or dress it anew.".to_owned(),
+    ))
+}
+
+/// A body that is larger than the one on which the kimono was draped, or another one, comes through the cloth.
+fn through_skin(near: &[Pair]) -> Option<Mistake> {
+    let through = near.iter().filter(|pair| pair.outside_m < -THROUGH_M).count();
+    if near.len() < LEAST_NEAR || (through as f32) < THROUGH * near.len() as f32 {
+        return None;
+    }
+    let deepest_m = near.iter().fold(0.0f32, |deepest_m, pair| deepest_m.max(-pair.outside_m));
+    let problem = format!(
+        "{:.0} % of the cloth near the skin lies more than {:.0} mm inside the body, up to {:.0} mm",
+        100.0 * through as f32 / near.len() as f32,
+        1e3 * THROUGH_M,
+        1e3 * deepest_m
+    );
+    Some((
+        "wrong-body",
+        problem,
+        "Name the body on which the kimono was draped, in the size and pose it had then.".to_owned(),
     ))
 }
 
@@ -224,8 +273,9 @@ mod tests {
         let mut garment = crate::load(std::path::Path::new(sample)).garment.unwrap();
         change(&mut garment.base);
         let mut report = Vec::new();
+        let near = super::super::near_skin::pairs(&garment.base.positions_m, &garment.body);
         let mesh = NamedMesh { file: "komon/base.obj", mesh: &obj::Mesh::default() };
-        let is_sound = check(mesh, &garment.base, LengthUnit::M, &garment.body, &mut report);
+        let is_sound = check(mesh, &garment.base, LengthUnit::M, &garment.body, &near, &mut report);
         assert_eq!(report.first().map(|diagnostic| diagnostic.code), code);
         assert_eq!(is_sound, code.is_none());
     }
@@ -250,6 +300,30 @@ mod tests {
             }
         };
         check_sample(mirror_and_rename, Some("right-over-left"));
+        // Names of an exporter's own say nothing of sides.
+        let nameless = |base: &mut ir::Surface| {
+            for (number, part) in base.parts.iter_mut().enumerate() {
+                part.name = format!("Pattern2D_{number}");
+            }
+        };
+        check_sample(nameless, None);
+        let mirror_nameless = |base: &mut ir::Surface| {
+            nameless(base);
+            mirror(base);
+        };
+        check_sample(mirror_nameless, Some("right-over-left"));
         check_sample(|base| base.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2)), Some("inside-out"));
+    }
+
+    #[test]
+    fn a_larger_body_comes_through_the_cloth() {
+        let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src/komon");
+        let garment = crate::load(std::path::Path::new(sample)).garment.unwrap();
+        for (scale, is_said) in [(0.9, false), (1.0, false), (1.05, true), (1.15, true)] {
+            let mut body = garment.body.clone();
+            body.surface.positions_m.iter_mut().for_each(|place_m| *place_m *= scale);
+            let said = through_skin(&super::super::near_skin::pairs(&garment.base.positions_m, &body));
+            assert_eq!(said.is_some(), is_said, "{scale}: {said:?}");
+        }
     }
 }

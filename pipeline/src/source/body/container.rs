@@ -67,7 +67,7 @@ pub(super) fn open(bytes: &[u8]) -> Result<Container, String> {
     for part in UNNEEDED {
         root.remove(part);
     }
-    strip_meshes(&mut root);
+    strip_meshes(&mut root)?;
     let zeros = with_views(&mut root);
     let json = serde_json::to_vec(&root).map_err(|error| unreadable(&error))?;
     let document = gltf::Gltf::from_slice(&json).map_err(|error| unreadable(&error))?.document;
@@ -102,24 +102,33 @@ fn humanoid(root: &Map<String, Value>) -> (Vec<(Bone, usize)>, bool) {
     (Vec::new(), false)
 }
 
-/// Leaves of the meshes only places, weights and the shapes that may be on.
-fn strip_meshes(root: &mut Map<String, Value>) {
+/// Leaves of the meshes only places, weights and the shapes that may be on. What they name must exist: the library takes that for granted.
+fn strip_meshes(root: &mut Map<String, Value>) -> Result<(), String> {
+    let count = root.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
+    let exists = |named: &Value| match named.as_u64() {
+        Some(index) if index < count => Ok(()),
+        _ => Err(format!("a mesh names accessor {named}, but the file has {count}")),
+    };
     for node in objects(root, "nodes") {
         node.remove("camera");
     }
     for mesh in objects(root, "meshes") {
         for primitive in objects(mesh, "primitives") {
             primitive.remove("material");
+            primitive.get("indices").map_or(Ok(()), exists)?;
             if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
                 attributes.retain(|name, _| {
                     name == "POSITION" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_")
                 });
+                attributes.values().try_for_each(exists)?;
             }
             for target in objects(primitive, "targets") {
                 target.retain(|name, _| name == "POSITION");
+                target.values().try_for_each(exists)?;
             }
         }
     }
+    Ok(())
 }
 
 /// Gives what the library demands and a body does not need: a view to each accessor that has none, and bounds. Returns the accessors
