@@ -2,12 +2,14 @@
 //! at the end of this file know how they look.
 
 use annotate_snippets::{AnnotationKind, Level, Origin, Renderer, Snippet};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
 /// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Severity {
     /// The pack is not built.
     Error,
@@ -16,7 +18,7 @@ pub enum Severity {
 }
 
 /// Where in a file.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Place {
     /// The file as a whole.
     #[default]
@@ -28,12 +30,12 @@ pub enum Place {
 }
 
 /// One thing that is wrong, said so that an artist can mend it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
     /// How bad.
     pub severity: Severity,
     /// A stable kebab-case name, for example `vertex-count`.
-    pub code: &'static str,
+    pub code: Cow<'static, str>,
     /// Path as the artist knows it: relative to the garment folder's parent, `/` as separator.
     pub file: String,
     /// Where in the file.
@@ -49,7 +51,7 @@ impl Diagnostic {
     #[must_use]
     pub fn error(code: &'static str, file: impl Into<String>, place: Place) -> Diagnostic {
         let (file, problem, help) = (file.into(), String::new(), String::new());
-        Diagnostic { severity: Severity::Error, code, file, place, problem, help }
+        Diagnostic { severity: Severity::Error, code: code.into(), file, place, problem, help }
     }
 
     /// A warning; [`Diagnostic::problem`] and [`Diagnostic::help`] complete it.
@@ -86,14 +88,15 @@ pub fn sorted(mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
         Place::Span(span) => (2, span.start),
     };
     diagnostics.sort_by(|a, b| {
-        let key = |d: &Diagnostic| (position(&d.place), d.severity, d.code);
-        a.file.cmp(&b.file).then_with(|| key(a).cmp(&key(b))).then_with(|| a.problem.cmp(&b.problem))
+        let key = |d: &Diagnostic| (position(&d.place), d.severity);
+        let of_place = key(a).cmp(&key(b)).then_with(|| a.code.cmp(&b.code));
+        a.file.cmp(&b.file).then(of_place).then_with(|| a.problem.cmp(&b.problem))
     });
     diagnostics.dedup();
-    let mut counts: BTreeMap<(String, &str), usize> = BTreeMap::new();
+    let mut counts: BTreeMap<(String, Cow<'static, str>), usize> = BTreeMap::new();
     let mut kept: Vec<Diagnostic> = Vec::new();
     for diagnostic in diagnostics {
-        let count = counts.entry((diagnostic.file.clone(), diagnostic.code)).or_default();
+        let count = counts.entry((diagnostic.file.clone(), diagnostic.code.clone())).or_default();
         *count += 1;
         if *count <= OF_ONE_KIND {
             kept.push(diagnostic);
@@ -180,7 +183,7 @@ fn human(diagnostic: &Diagnostic, text: Option<&str>, color: bool) -> String {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let title = level.primary_title(&diagnostic.problem).id(diagnostic.code);
+    let title = level.primary_title(&diagnostic.problem).id(&*diagnostic.code);
     let help = Level::HELP.message(&diagnostic.help);
     let line_text;
     let snippet = match (&diagnostic.place, text) {

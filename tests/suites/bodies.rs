@@ -14,11 +14,11 @@ use std::path::{Path, PathBuf};
 /// Positions may differ by this much, metres: files hold 32-bit numbers.
 const SAME_M: f64 = 5e-6;
 
-fn read_body(bytes: &[u8]) -> Result<(Body, Vec<&'static str>), Diagnostic> {
+fn read_body(bytes: &[u8]) -> Result<(Body, Vec<String>), Box<Diagnostic>> {
     let mut report = Vec::new();
     match read("body.glb", bytes, &mut report) {
-        Some(body) => Ok((body, report.iter().map(|warning| warning.code).collect())),
-        None => Err(report.remove(0)),
+        Some(body) => Ok((body, report.into_iter().map(|warning| warning.code.into_owned()).collect())),
+        None => Err(Box::new(report.remove(0))),
     }
 }
 
@@ -337,7 +337,7 @@ fn blender_s_own_bodies_are_the_doll() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bodies").join(file);
         let (body, said) = read_body(&std::fs::read(path).unwrap()).unwrap();
         assert_is_doll(file, &body, &doll);
-        assert_eq!(said, Vec::<&str>::new(), "{file}");
+        assert!(said.is_empty(), "{file}: {said:?}");
     }
 }
 

@@ -356,6 +356,26 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
     assert!(mean > 0.65, "sleeves follow their arm by {mean} only");
 }
 
+/// Each build reads the index, adds its garment and writes it: at the same time they would lose each other's.
+#[test]
+fn builds_at_the_same_time_keep_each_other_s_entries() {
+    let place = Place { folder: tempfile::tempdir().unwrap() };
+    let garments = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments");
+    copy(&garments.join("bodies"), &place.assets().join("bodies"));
+    let ids = ["a", "b", "c", "d"];
+    for id in ids {
+        copy(&garments.join("tube"), &place.assets().join(id));
+    }
+    std::thread::scope(|scope| {
+        for id in ids {
+            let options = Options { ids: vec![id.to_owned()], ..place.options(Mode::Write) };
+            scope.spawn(move || catalog::build(&options, &Silent).unwrap());
+        }
+    });
+    let index = index::read(&place.catalog().join("index.toml")).unwrap().0;
+    assert_eq!(index.keys().collect::<Vec<_>>(), ids);
+}
+
 #[test]
 fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
     let place = Place::small();
@@ -374,4 +394,8 @@ fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
         .collect();
     assert_eq!(told.len(), 4, "one warning per driver: {told:#?}");
     assert!(told.iter().all(|problem| problem.contains(" mm where ") && problem.contains("vertex ")), "{told:#?}");
+    // A build that has nothing to do says so still.
+    let again = place.build(Mode::Write);
+    assert!(matches!(again.garments[0].outcome, Outcome::UpToDate));
+    assert_eq!(again.garments[0].diagnostics, report.garments[0].diagnostics);
 }

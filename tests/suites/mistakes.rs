@@ -244,8 +244,11 @@ fn the_template_with_a_base_alone_lacks_only_targets() {
     copy_folder(&sources.join("_template"), &assets.path().join("mine"));
     copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
     fs::copy(sources.join("komon/base.obj"), assets.path().join("mine/base.obj")).unwrap();
-    let codes: Vec<&str> =
-        kitsuke_pipeline::load(&assets.path().join("mine")).diagnostics.iter().map(|d| d.code).collect();
+    let codes: Vec<&str> = kitsuke_pipeline::load(&assets.path().join("mine"))
+        .diagnostics
+        .into_iter()
+        .map(|d| d.code.into_owned())
+        .collect();
     assert_eq!(codes, ["no-targets"]);
 }
 
@@ -285,7 +288,7 @@ fn exchanged_vertices_of_the_sample_are_found_and_creases_are_not() {
     step(&mut place, "exchange | poses/05_right_down.obj | 5001 | 5002");
     step(&mut place, "exchange | poses/18_right_up_bent_left_down.obj | 301 | 9001");
     let diagnostics = kitsuke_pipeline::load(&place.garment()).diagnostics;
-    let said: Vec<(&str, &str)> = diagnostics.iter().map(|d| (d.code, d.problem.as_str())).collect();
+    let said: Vec<(&str, &str)> = diagnostics.iter().map(|d| (&*d.code, d.problem.as_str())).collect();
     let expected = |pair: &str| format!("vertices {pair} are exchanged, compared with komon/base.obj");
     let (first, second) = (expected("5001 and 5002"), expected("301 and 9001"));
     assert_eq!(said, [("vertex-order", first.as_str()), ("vertex-order", second.as_str())]);

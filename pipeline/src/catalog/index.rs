@@ -5,6 +5,7 @@ use super::CatalogError;
 use crate::build::Built;
 use crate::look::frames::Distance;
 use crate::measure::audit::deepest;
+use crate::source::is_garment_id;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -230,7 +231,7 @@ pub fn to_text(index: &Index) -> String {
 /// missing file is an empty index.
 ///
 /// # Errors
-/// When the file cannot be read, or is no TOML (for example after a merge with conflicts).
+/// When the file cannot be read, is no TOML (for example after a merge with conflicts), or has an entry whose name is no ID.
 pub fn read(path: &Path) -> Result<(Index, Vec<String>), CatalogError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
@@ -244,6 +245,12 @@ pub fn read(path: &Path) -> Result<(Index, Vec<String>), CatalogError> {
     })?;
     let (mut index, mut unreadable) = (Index::new(), Vec::new());
     for (id, value) in table {
+        // An ID becomes part of the paths that are written and removed.
+        if !is_garment_id(&id) {
+            let line = 1 + text.lines().position(|line| line.contains(&id)).unwrap_or(0);
+            let problem = format!("`{id}` is no kimono's ID, which has only a-z, 0-9, _ and -");
+            return Err(CatalogError::Index { path: path.to_owned(), line, problem });
+        }
         match value.as_table().and_then(Entry::from_table) {
             Some(entry) => drop(index.insert(id, entry)),
             None => unreadable.push(id),
@@ -326,6 +333,17 @@ mod tests {
         std::fs::write(&path, "[komon]\nbytes = 1\n<<<<<<< HEAD\n").unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(error.contains("index.toml:3: ") && error.contains("; restore it, or delete it"), "{error}");
+    }
+
+    #[test]
+    fn a_name_that_is_no_id_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("index.toml");
+        for name in ["../../x/model", "", "Komon", "a/b", "..", "komon.old", "\u{5c0f}\u{7d0b}", &"a".repeat(300)] {
+            std::fs::write(&path, format!("[komon]\nbytes = 1\n[\"{name}\"]\nbytes = 1\n")).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains("is no kimono's ID"), "{error}");
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What the last successful build of a garment was made from, so that a build without changes is only hashing, and a
 //! rebuild can say why. A file of the cache: losing it costs a rebuild.
 
+use crate::diagnostic::Diagnostic;
 use crate::source::InputFile;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -17,6 +18,8 @@ pub struct LastBuild {
     pub entry: String,
     /// blake3 of every input file by its path.
     pub inputs: BTreeMap<String, String>,
+    /// What the artist was told; it holds as long as nothing changes.
+    pub said: Vec<Diagnostic>,
 }
 
 impl LastBuild {
@@ -36,6 +39,7 @@ impl LastBuild {
                 "builder" => record.builder = value.to_owned(),
                 "pack" => record.pack = value.to_owned(),
                 "entry" => record.entry = value.to_owned(),
+                "said" => record.said.push(serde_json::from_str(value).ok()?),
                 "input" => {
                     let (hash, path) = value.split_once(' ')?;
                     record.inputs.insert(path.to_owned(), hash.to_owned());
@@ -52,6 +56,9 @@ impl LastBuild {
         let mut text = format!("builder {}\npack {}\nentry {}\n", self.builder, self.pack, self.entry);
         for (path, hash) in &self.inputs {
             let _ = writeln!(text, "input {hash} {path}");
+        }
+        for said in &self.said {
+            let _ = writeln!(text, "said {}", serde_json::json!(said));
         }
         text
     }
@@ -79,6 +86,7 @@ impl LastBuild {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnostic::Place;
 
     #[test]
     fn reasons_name_the_files() {
@@ -87,6 +95,10 @@ mod tests {
             builder: "b".into(),
             pack: "p".into(),
             entry: "e".into(),
+            said: vec![
+                Diagnostic::warning("c", "komon/a.csv", Place::Line(3)).problem("one\nline").help("x"),
+                Diagnostic::warning("d", "komon/a.csv", Place::Span(3..9)).problem("p").help("h"),
+            ],
             inputs: inputs(&[("komon/a b.obj", "1"), ("komon/base.obj", "2"), ("komon/c.obj", "3")]),
         };
         let folder = tempfile::tempdir().unwrap();

@@ -157,6 +157,7 @@ impl CatalogError {
 pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, CatalogError> {
     let named = garment_ids(&options.assets, &options.ids)?;
     let index_path = options.catalog.join("index.toml");
+    let _lock = (options.mode != Mode::Check).then(|| lock(&options.catalog, progress)).transpose()?;
     let (old, unreadable) = index::read(&index_path)?;
     let mut ids = garment_ids(&options.assets, &[])?;
     ids.retain(|id| named.contains(id) || unreadable.contains(id));
@@ -284,6 +285,8 @@ impl Job<'_> {
             report.reasons = self.reasons(id, last.as_ref(), &LastBuild::inputs(&inputs));
             if report.reasons.is_empty() && self.options.emit.is_none() {
                 report.outcome = Outcome::UpToDate;
+                // What the build said holds as long as nothing has changed.
+                report.diagnostics = last.map(|last| last.said).unwrap_or_default();
                 self.progress.finished(&report);
                 return Ok((report, None));
             }
@@ -313,6 +316,7 @@ impl Job<'_> {
                             pack: entry.blake3.clone(),
                             entry: hash(entry.to_text().as_bytes()),
                             inputs: LastBuild::inputs(&loaded.inputs),
+                            said: report.diagnostics.clone(),
                         },
                         bytes: built.pack,
                     });
@@ -371,6 +375,28 @@ fn remainder_warnings<'a>(id: &'a str, built: &'a Built) -> impl Iterator<Item =
             ))
             .help("Paint the mask farther, or set regions = \"auto\".")
     })
+}
+
+/// Lets only one build at a time write a catalog, else the one that ends last takes the other's entry out of the index. The system lets go
+/// of the lock when the process ends, however it does.
+fn lock(catalog: &Path, progress: &dyn Progress) -> Result<std::fs::File, CatalogError> {
+    let path = catalog.join(".lock");
+    let io = |error| CatalogError::io(&path, &error);
+    std::fs::create_dir_all(catalog).map_err(io)?;
+    let mut file =
+        std::fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
+    match file.try_lock() {
+        Ok(()) => {}
+        Err(std::fs::TryLockError::WouldBlock) => {
+            let owner = std::fs::read_to_string(&path).unwrap_or_default();
+            let catalog = catalog.display();
+            progress.note(&format!("another build ({}) writes {catalog}; this one waits for it", owner.trim()));
+            file.lock().map_err(io)?;
+        }
+        Err(std::fs::TryLockError::Error(error)) => return Err(io(error)),
+    }
+    file.set_len(0).and_then(|()| writeln!(file, "process {}", std::process::id())).map_err(io)?;
+    Ok(file)
 }
 
 /// Writes a file beside its place and renames it.

@@ -25,7 +25,7 @@ use crate::source::obj;
 use crate::source::paths::Paths;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
-use crate::source::{closest, rules};
+use crate::source::{closest, is_garment_id, rules};
 use glam::{DVec3, Quat, Vec3};
 use kitsuke::arrays::{PoseLimit, limits};
 use kitsuke::fit;
@@ -214,11 +214,7 @@ fn surface(mesh: &obj::Mesh, place: &dyn Fn(&DVec3) -> Vec3) -> ir::Surface {
 
 fn check_id(folder: &Folder, report: &mut Vec<Diagnostic>) {
     let id = folder.id();
-    let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
-    if id.len() > limits::NAME_BYTES
-        || !id.starts_with(|c: char| c.is_ascii_alphanumeric())
-        || !id.chars().all(is_allowed)
-    {
+    if !is_garment_id(id) {
         report.push(
             Diagnostic::error("garment-id", id, Place::File)
                 .problem(format!("the folder's name `{id}` is the kimono's ID, and no valid one"))

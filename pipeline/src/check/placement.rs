@@ -276,7 +276,7 @@ mod tests {
         let near = super::super::near_skin::pairs(&garment.base.positions_m, &garment.body);
         let mesh = NamedMesh { file: "komon/base.obj", mesh: &obj::Mesh::default() };
         let is_sound = check(mesh, &garment.base, LengthUnit::M, &garment.body, &near, &mut report);
-        assert_eq!(report.first().map(|diagnostic| diagnostic.code), code);
+        assert_eq!(report.first().map(|diagnostic| &*diagnostic.code), code);
         assert_eq!(is_sound, code.is_none());
     }
 

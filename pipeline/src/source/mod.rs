@@ -22,6 +22,7 @@ use crate::ir;
 use causes::Causes;
 use folder::Folder;
 pub use folder::InputFile;
+use kitsuke::arrays::limits;
 use kitsuke::tailoring::RuleSet;
 use manifest::{Field, Manifest};
 use rayon::prelude::*;
@@ -92,6 +93,15 @@ pub fn input_files(garment_dir: &Path) -> Result<Vec<InputFile>, Vec<Diagnostic>
     inputs.sort();
     inputs.dedup();
     Ok(inputs)
+}
+
+/// Whether a text can be a garment's ID: a folder's name, a table's in the index, and a part of the pack's path.
+#[must_use]
+pub fn is_garment_id(text: &str) -> bool {
+    let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-';
+    text.len() <= limits::NAME_BYTES
+        && text.starts_with(|c: char| c.is_ascii_alphanumeric())
+        && text.chars().all(is_allowed)
 }
 
 /// The garment folders of an assets folder, sorted: those that hold a manifest and whose name does not begin with `_`.

@@ -55,7 +55,7 @@ fn a_concave_polygon_is_cut_inside() {
 fn mistakes_name_their_lines() {
     let check = |text: &str, code: &str, line: u32| {
         let report = read_text(text).unwrap_err();
-        assert_eq!((report[0].code, &report[0].place), (code, &Place::Line(line)), "{text}: {report:?}");
+        assert_eq!((&*report[0].code, &report[0].place), (code, &Place::Line(line)), "{text}: {report:?}");
     };
     check("v 0 0 0\nv 1 nan 0\n", "obj-number", 2);
     check("v 0 0 0\nv 1 -1.#IND 0\n", "obj-number", 2);
@@ -171,9 +171,9 @@ fn names_of_other_bytes_are_other_parts_or_refused() {
     assert_eq!(mesh.names_read_as, Some(("Shift_JIS", 5)));
     // Two codes of one character.
     let report = read_bytes(&faces([b"\x8d\xb6\x81\xe6", b"\x8d\xb6\x87\x9a"])).unwrap_err();
-    assert_eq!((report[0].code, &report[0].place), ("obj-names", &Place::Line(7)), "{report:?}");
+    assert_eq!((&*report[0].code, &report[0].place), ("obj-names", &Place::Line(7)), "{report:?}");
     let report = read_bytes(&faces([b"\x8d\xb6", b"\x81"])).unwrap_err();
-    assert_eq!((report[0].code, &report[0].place), ("obj-names", &Place::Line(7)), "{report:?}");
+    assert_eq!((&*report[0].code, &report[0].place), ("obj-names", &Place::Line(7)), "{report:?}");
 }
 
 #[test]
