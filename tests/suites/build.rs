@@ -362,6 +362,7 @@ fn builds_at_the_same_time_keep_each_other_s_entries() {
     let place = Place { folder: tempfile::tempdir().unwrap() };
     let garments = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments");
     copy(&garments.join("bodies"), &place.assets().join("bodies"));
+    copy(&garments.join("rules"), &place.assets().join("rules"));
     let ids = ["a", "b", "c", "d"];
     for id in ids {
         copy(&garments.join("tube"), &place.assets().join(id));

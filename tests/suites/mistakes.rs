@@ -244,7 +244,7 @@ fn the_template_with_a_base_alone_lacks_only_targets() {
     copy_folder(&sources.join("_template"), &assets.path().join("mine"));
     copy_folder(&sources.join("bodies"), &assets.path().join("bodies"));
     fs::copy(sources.join("komon/base.obj"), assets.path().join("mine/base.obj")).unwrap();
-    let codes: Vec<&str> = kitsuke_pipeline::load(&assets.path().join("mine"))
+    let codes: Vec<String> = kitsuke_pipeline::load(&assets.path().join("mine"))
         .diagnostics
         .into_iter()
         .map(|d| d.code.into_owned())

@@ -71,14 +71,15 @@ fn damaged(change: impl Fn(&str, String) -> Vec<u8>) -> (tempfile::TempDir, Path
 }
 
 /// A code, and a file with what is wrong with it.
-type Message = (&'static str, String);
+type Message = (String, String);
 /// A group's line, and the vertices of its faces.
 type Group = (String, Vec<Vec<usize>>);
 
 /// What `check` says, and the parts of the garment where it is sound.
 fn said(garment: &Path) -> (Vec<Message>, Vec<(String, u32)>) {
     let loaded = kitsuke_pipeline::load(garment);
-    let said = loaded.diagnostics.into_iter().map(|d| (d.code, format!("{}: {}", d.file, d.problem))).collect();
+    let said =
+        loaded.diagnostics.into_iter().map(|d| (d.code.into_owned(), format!("{}: {}", d.file, d.problem))).collect();
     let parts = loaded.garment.map_or_else(Vec::new, |garment| garment.base.parts);
     (said, parts.into_iter().map(|part| (part.name, part.triangle_count)).collect())
 }
@@ -104,7 +105,7 @@ fn a_garment_with_japanese_names_is_checked_whole() {
     assert_eq!(before, []);
     let (_copy, garment) = damaged(|_, text| japanese(&text));
     let (said, parts) = said(&garment);
-    assert_eq!(said.iter().map(|(code, _)| *code).collect::<Vec<_>>(), ["names-encoding"], "{said:?}");
+    assert_eq!(said.iter().map(|(code, _)| code.as_str()).collect::<Vec<_>>(), ["names-encoding"], "{said:?}");
     assert_eq!(parts.iter().map(|(name, _)| &**name).collect::<Vec<_>>(), ["身頃表", "左袖", "右袖表"]);
     let counts = |parts: &[(String, u32)]| parts.iter().map(|(_, count)| *count).collect::<Vec<_>>();
     assert_eq!(counts(&parts), counts(&parts_before));
@@ -246,7 +247,11 @@ fn programs_are_named_that_renumber_a_target() {
         match expected {
             None => assert_eq!(said, [], "{program}"),
             Some((code, name)) => {
-                assert_eq!(said.iter().map(|(code, _)| *code).collect::<Vec<_>>(), [code], "{program}: {said:?}");
+                assert_eq!(
+                    said.iter().map(|(code, _)| code.as_str()).collect::<Vec<_>>(),
+                    [code],
+                    "{program}: {said:?}"
+                );
                 assert!(said[0].1.contains(target) && said[0].1.contains(name), "{program}: {said:?}");
             }
         }
@@ -263,6 +268,6 @@ fn a_face_lost_in_all_files_is_found() {
         left.join("\n").into_bytes()
     });
     let (said, parts) = said(&garment);
-    assert_eq!(said.iter().map(|(code, _)| *code).collect::<Vec<_>>(), ["lost-face"], "{said:?}");
+    assert_eq!(said.iter().map(|(code, _)| code.as_str()).collect::<Vec<_>>(), ["lost-face"], "{said:?}");
     assert!(!parts.is_empty(), "a warning, no error");
 }

@@ -157,7 +157,7 @@ impl CatalogError {
 pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, CatalogError> {
     let named = garment_ids(&options.assets, &options.ids)?;
     let index_path = options.catalog.join("index.toml");
-    let _lock = (options.mode != Mode::Check).then(|| lock(&options.catalog, progress)).transpose()?;
+    let _lock = (options.mode != Mode::Check).then(|| lock(&options.cache, progress)).transpose()?;
     let (old, unreadable) = index::read(&index_path)?;
     let mut ids = garment_ids(&options.assets, &[])?;
     ids.retain(|id| named.contains(id) || unreadable.contains(id));
@@ -377,20 +377,19 @@ fn remainder_warnings<'a>(id: &'a str, built: &'a Built) -> impl Iterator<Item =
     })
 }
 
-/// Lets only one build at a time write a catalog, else the one that ends last takes the other's entry out of the index. The system lets go
-/// of the lock when the process ends, however it does.
-fn lock(catalog: &Path, progress: &dyn Progress) -> Result<std::fs::File, CatalogError> {
-    let path = catalog.join(".lock");
+/// Lets only one build at a time write a catalog (its cache stands for it), else the one that ends last takes the other's entry out of the
+/// index. The system lets go of the lock when the process ends, however it does.
+fn lock(cache: &Path, progress: &dyn Progress) -> Result<std::fs::File, CatalogError> {
+    let path = cache.join("lock");
     let io = |error| CatalogError::io(&path, &error);
-    std::fs::create_dir_all(catalog).map_err(io)?;
+    std::fs::create_dir_all(cache).map_err(io)?;
     let mut file =
         std::fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
     match file.try_lock() {
         Ok(()) => {}
         Err(std::fs::TryLockError::WouldBlock) => {
             let owner = std::fs::read_to_string(&path).unwrap_or_default();
-            let catalog = catalog.display();
-            progress.note(&format!("another build ({}) writes {catalog}; this one waits for it", owner.trim()));
+            progress.note(&format!("another build ({}) writes this catalog; this one waits for it", owner.trim()));
             file.lock().map_err(io)?;
         }
         Err(std::fs::TryLockError::Error(error)) => return Err(io(error)),

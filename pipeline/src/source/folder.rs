@@ -48,14 +48,16 @@ impl Folder {
     ///
     /// # Errors
     /// The path has no parent or no printable name.
-    pub fn new(garment_dir: &Path) -> Result<Folder, Diagnostic> {
+    pub fn new(garment_dir: &Path) -> Result<Folder, Box<Diagnostic>> {
         let located = std::path::absolute(garment_dir).ok();
         let id = located.as_deref().and_then(Path::file_name).and_then(|name| name.to_str());
         match (id, located.as_deref().and_then(Path::parent)) {
             (Some(id), Some(root)) => Ok(Folder { root: root.to_owned(), id: id.to_owned() }),
-            _ => Err(Diagnostic::error("garment-folder", garment_dir.to_string_lossy(), Place::File)
-                .problem("this is no garment folder")
-                .help("Give the folder that holds garment.toml, for example assets-src/komon.")),
+            _ => Err(Box::new(
+                Diagnostic::error("garment-folder", garment_dir.to_string_lossy(), Place::File)
+                    .problem("this is no garment folder")
+                    .help("Give the folder that holds garment.toml, for example assets-src/komon."),
+            )),
         }
     }
 

@@ -160,7 +160,7 @@ struct Head {
 }
 
 fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder, Head)> {
-    let folder = Folder::new(garment_dir).map_err(|diagnostic| report.push(diagnostic)).ok()?;
+    let folder = Folder::new(garment_dir).map_err(|diagnostic| report.push(*diagnostic)).ok()?;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     let mut inputs = Vec::new();
     let bytes = match folder.read(&manifest_file) {
