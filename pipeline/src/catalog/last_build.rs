@@ -1,7 +1,7 @@
 //! What the last successful build of a garment was made from, so that a build without changes is only hashing, and a
 //! rebuild can say why. A file of the cache: losing it costs a rebuild.
 
-use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::source::InputFile;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -39,7 +39,7 @@ impl LastBuild {
                 "builder" => record.builder = value.to_owned(),
                 "pack" => record.pack = value.to_owned(),
                 "entry" => record.entry = value.to_owned(),
-                "said" => record.said.push(serde_json::from_str(value).ok()?),
+                "said" => record.said.push(diagnostic(value)?),
                 "input" => {
                     let (hash, path) = value.split_once(' ')?;
                     record.inputs.insert(path.to_owned(), hash.to_owned());
@@ -58,7 +58,7 @@ impl LastBuild {
             let _ = writeln!(text, "input {hash} {path}");
         }
         for said in &self.said {
-            let _ = writeln!(text, "said {}", serde_json::json!(said));
+            let _ = writeln!(text, "said {}", line(said));
         }
         text
     }
@@ -83,10 +83,59 @@ impl LastBuild {
     }
 }
 
+/// A diagnostic as one line: its parts between tabs.
+fn line(said: &Diagnostic) -> String {
+    let severity = match said.severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    };
+    let place = match &said.place {
+        Place::File => "file".to_owned(),
+        Place::Line(line) => format!("line {line}"),
+        Place::Span(span) => format!("span {} {}", span.start, span.end),
+    };
+    let parts = [severity, &said.code, &place, &said.file, &said.problem, &said.help];
+    let escaped = |part: &str| part.replace('\\', r"\\").replace('\t', r"\t").replace('\n', r"\n");
+    parts.map(escaped).join("\t")
+}
+
+/// What [`line`] wrote.
+fn diagnostic(line: &str) -> Option<Diagnostic> {
+    let unescaped = |part: &str| {
+        let mut text = String::new();
+        let mut characters = part.chars();
+        while let Some(character) = characters.next() {
+            text.push(match character {
+                '\\' => match characters.next()? {
+                    't' => '\t',
+                    'n' => '\n',
+                    other => other,
+                },
+                other => other,
+            });
+        }
+        Some(text)
+    };
+    let parts: Vec<String> = line.split('\t').map(unescaped).collect::<Option<_>>()?;
+    let [severity, code, place, file, problem, help]: [String; 6] = parts.try_into().ok()?;
+    let severity = match severity.as_str() {
+        "error" => Severity::Error,
+        "warning" => Severity::Warning,
+        _ => return None,
+    };
+    let words: Vec<&str> = place.split(' ').collect();
+    let place = match words[..] {
+        ["file"] => Place::File,
+        ["line", line] => Place::Line(line.parse().ok()?),
+        ["span", start, end] => Place::Span(start.parse().ok()?..end.parse().ok()?),
+        _ => return None,
+    };
+    Some(Diagnostic { severity, code: code.into(), file, place, problem, help })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnostic::Place;
 
     #[test]
     fn reasons_name_the_files() {
@@ -96,8 +145,8 @@ mod tests {
             pack: "p".into(),
             entry: "e".into(),
             said: vec![
-                Diagnostic::warning("c", "komon/a.csv", Place::Line(3)).problem("one\nline").help("x"),
-                Diagnostic::warning("d", "komon/a.csv", Place::Span(3..9)).problem("p").help("h"),
+                Diagnostic::warning("c", "komon/a.obj", Place::Line(3)).problem("one\nline\t\\n").help("x"),
+                Diagnostic::warning("d", "komon/a.obj", Place::Span(3..9)).problem("p").help("h"),
             ],
             inputs: inputs(&[("komon/a b.obj", "1"), ("komon/base.obj", "2"), ("komon/c.obj", "3")]),
         };

@@ -92,7 +92,7 @@ mod tests {
     fn words_name_rows_by_line_and_say_what_to_do() {
         let text = "file,name,leftUpperArm_qx,leftUpperArm_qy,leftUpperArm_qz,leftUpperArm_qw\n\
                     base.obj,base,0,0,0,1\na.obj,down,0,0,-0.5,0.8660254\nb.obj,up,0,0,0.5,0.8660254\n";
-        let table = tables::read("poses.csv", text.as_bytes(), &mut Vec::new()).unwrap();
+        let table = tables::read("poses", text.as_bytes(), &mut Vec::new()).unwrap();
         let shape = |row: &PoseRow| ir::TargetShape {
             name: row.name.clone(),
             file: row.file.clone(),
@@ -114,7 +114,7 @@ mod tests {
             (Fault::Exchanged(0, 1), Place::Line(4), "`down` (line 3) and `up` are in each other's", "Exchange"),
         ];
         for (fault, place, problem, help) in cases {
-            let said = diagnostic(&fault, &table, "poses.csv", &targets);
+            let said = diagnostic(&fault, &table, "poses", &targets);
             assert_eq!(said.place, place, "{said:?}");
             assert!(said.problem.contains(problem) && said.help.contains(help), "{said:?}");
         }
