@@ -11,8 +11,9 @@ const SUSPECTS: usize = 500;
 /// The share of the strain that may remain when a pair that was exchanged is put right. In the sample's creased cloth at
 /// least 0.7 remain, of exchanged vertices hardly ever more than 0.2.
 const REMAINING: f32 = 0.4;
-/// The strain that putting a pair right must take away at least.
-const SAVED: f32 = 0.4;
+/// The strain that putting a pair right must take away at least. In cloth that is creased tightly a pair may look better exchanged by 0.5;
+/// pairs that were exchanged take away 1.6 or more on the sample.
+const SAVED: f32 = 0.75;
 
 /// The neighbours of each vertex.
 pub(super) fn neighbours(vertex_count: usize, edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
@@ -147,5 +148,36 @@ mod tests {
         let pairs = [[14, 15], [40, 100], [66, 78]];
         pairs.iter().for_each(|&[a, b]: &[usize; 2]| wrong_m.swap(a, b));
         assert_eq!(exchanged(&rest_m, &wrong_m, &neighbours), pairs.map(|pair| pair.map(|v| v as u32)));
+    }
+
+    /// Sound cloth, tightly folded, in which two vertices lie as if exchanged.
+    #[test]
+    fn a_fold_is_no_exchange() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let path = root.join("../shared/data/komon/crumpled/b07.obj");
+        let Ok(bytes) = std::fs::read(&path) else {
+            #[allow(clippy::print_stdout)]
+            {
+                println!("skipped: {} is absent", path.display());
+            }
+            return;
+        };
+        let places = |bytes: &[u8]| -> Vec<Vec3> {
+            let mesh = crate::source::obj::read("cloth.obj", bytes, &mut Vec::new()).unwrap();
+            mesh.positions.iter().map(|place| place.as_vec3()).collect()
+        };
+        let base = std::fs::read(root.join("assets-src/komon/base.obj")).unwrap();
+        let mesh = crate::source::obj::read("base.obj", &base, &mut Vec::new()).unwrap();
+        let triangles: Vec<[u32; 3]> =
+            mesh.triangulate().corners.iter().map(|c| c.map(|corner| corner.vertex)).collect();
+        let (rest_m, mut folded_m) = (places(&base), places(&bytes));
+        let neighbours = neighbours(rest_m.len(), &super::super::mesh::edges(&triangles));
+        assert_eq!(exchanged(&rest_m, &folded_m, &neighbours), [[0; 2]; 0]);
+        for pair in [[100u32, 101], [9000, 9020]] {
+            let [a, b] = pair.map(|v| v as usize);
+            folded_m.swap(a, b);
+            assert!(exchanged(&rest_m, &folded_m, &neighbours).contains(&pair), "{pair:?}");
+            folded_m.swap(a, b);
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{NamedMesh, gaps};
 use crate::diagnostic::{Diagnostic, Place};
+use crate::source::causes::Causes;
 use crate::source::obj::Corner;
 use kitsuke::arrays::limits;
 
@@ -18,15 +19,17 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
         );
         return;
     }
+    let mut causes = Causes::default();
     for face in &mesh.faces {
         let mut vertices: Vec<u32> = mesh.corners_of(face).iter().map(|corner| corner.vertex).collect();
         vertices.sort_unstable();
         if let Some(pair) = vertices.windows(2).find(|pair| pair[0] == pair[1]) {
-            report.push(
+            let problem = format!("the face uses vertex {} twice", pair[0] + 1);
+            causes.add("repeated-vertex", problem.clone(), || {
                 Diagnostic::error("repeated-vertex", file, Place::Line(face.line))
-                    .problem(format!("the face uses vertex {} twice", pair[0] + 1))
-                    .help("Remove degenerate faces in the base, then export base and targets again."),
-            );
+                    .problem(problem)
+                    .help("Remove degenerate faces in the base, then export base and targets again.")
+            });
         }
     }
     let triangles = mesh.triangulate();
@@ -37,11 +40,12 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
         let is_repeated = vertices[0] == vertices[1] || vertices[1] == vertices[2] || vertices[2] == vertices[0];
         if !is_repeated && (b - a).cross(c - a).length() <= LEAST_RELATIVE_AREA * longest {
             let [a, b, c] = vertices;
-            report.push(
+            let problem = format!("the triangle of vertices {a}, {b} and {c} has no area");
+            causes.add("zero-area", problem.clone(), || {
                 Diagnostic::warning("zero-area", file, Place::Line(mesh.faces[face as usize].line))
-                    .problem(format!("the triangle of vertices {a}, {b} and {c} has no area"))
-                    .help("Its shading will be wrong; merge its vertices in the base, then export base and targets again."),
-            );
+                    .problem(problem)
+                    .help("Its shading will be wrong; merge its vertices in the base, then export base and targets again.")
+            });
         }
     }
     let mut used = vec![false; mesh.positions.len()];
@@ -49,12 +53,14 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
         used[corner.vertex as usize] = true;
     }
     for vertex in used.iter().enumerate().filter(|(_, used)| !**used).map(|(vertex, _)| vertex) {
-        report.push(
+        let problem = format!("vertex {} belongs to no face", vertex + 1);
+        causes.add("isolated-vertex", problem.clone(), || {
             Diagnostic::error("isolated-vertex", file, Place::Line(mesh.position_lines[vertex]))
-                .problem(format!("vertex {} belongs to no face", vertex + 1))
-                .help("Delete loose vertices, then export base and targets again."),
-        );
+                .problem(problem)
+                .help("Delete loose vertices, then export base and targets again.")
+        });
     }
+    causes.report("place", report);
     for gap in gaps::find(mesh) {
         let names: Vec<String> = gap.iter().map(|vertex| (vertex + 1).to_string()).collect();
         let (last, others) = names.split_last().expect("gaps have three or four vertices");

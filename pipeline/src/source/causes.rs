@@ -1,4 +1,4 @@
-//! Equal mistakes of one table as one message with a count, so that a table of many bad rows costs no more than one of
+//! Equal mistakes of one file as one message with a count, so that a file of many bad rows costs no more than one of
 //! few. Knows no meaning of any mistake.
 
 use crate::diagnostic::Diagnostic;
@@ -10,7 +10,8 @@ const SPELLED_OUT: usize = 4;
 /// Mistakes by their causes, each with where it was met first and how often.
 #[derive(Default)]
 pub(crate) struct Causes {
-    found: BTreeMap<(&'static str, String), Found>,
+    /// In the order in which they were met: no more than [`SPELLED_OUT`] of a code.
+    found: Vec<((&'static str, String), Found)>,
     spelled_out: BTreeMap<&'static str, usize>,
     others: BTreeMap<&'static str, Found>,
 }
@@ -29,23 +30,28 @@ impl Causes {
         diagnostic: impl FnOnce() -> Diagnostic,
     ) {
         let key = (code, cause.into());
-        if let Some(found) = self.found.get_mut(&key) {
+        if let Some((_, found)) = self.found.iter_mut().find(|(known, _)| *known == key) {
             found.count += 1;
             return;
         }
         let spelled_out = self.spelled_out.entry(code).or_default();
         if *spelled_out < SPELLED_OUT {
             *spelled_out += 1;
-            self.found.insert(key, Found { first: diagnostic(), count: 1 });
+            self.found.push((key, Found { first: diagnostic(), count: 1 }));
         } else {
             self.others.entry(code).or_insert_with(|| Found { first: diagnostic(), count: 0 }).count += 1;
         }
     }
 
+    /// Whether there was no mistake.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.found.is_empty()
+    }
+
     /// Says every cause once. `unit` is what is counted, for example `row`.
     pub(crate) fn report(self, unit: &str, report: &mut Vec<Diagnostic>) {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
-        for Found { mut first, count } in self.found.into_values() {
+        for (_, Found { mut first, count }) in self.found {
             if count > 1 {
                 first.problem += &format!(" (and {} more {unit}{} like this)", count - 1, plural(count - 1));
             }
@@ -81,10 +87,10 @@ mod tests {
         assert_eq!(
             said,
             [
-                "own 1",
-                "own 2",
-                "same 0 (and 499 more rows like this)",
                 "same 1 (and 499 more rows like this)",
+                "own 1",
+                "same 0 (and 499 more rows like this)",
+                "own 2",
                 "own 3 (and 997 more mistakes of this kind)"
             ]
         );

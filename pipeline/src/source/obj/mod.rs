@@ -14,6 +14,7 @@ mod piece;
 mod tests;
 mod triangulation;
 
+use super::causes::Causes;
 use crate::diagnostic::{Diagnostic, Place};
 use glam::{DVec3, Vec2};
 use kitsuke::arrays::limits;
@@ -136,6 +137,7 @@ fn read_in_pieces(
         read.for_each(|((text, before), piece)| piece.read(text, before));
         for piece in &mut pieces[..texts.len()] {
             if reader.join(piece).is_none() {
+                reader.causes.report("line", reader.report);
                 return Ok(None);
             }
         }
@@ -167,7 +169,7 @@ fn foreign_content(bytes: &[u8]) -> Option<&'static str> {
 struct Reader<'a> {
     file: &'a str,
     report: &'a mut Vec<Diagnostic>,
-    is_sound: bool,
+    causes: Causes,
     mesh: Mesh,
     group: Vec<u8>,
     object: Vec<u8>,
@@ -186,7 +188,7 @@ impl<'a> Reader<'a> {
         Reader {
             file,
             report,
-            is_sound: true,
+            causes: Causes::default(),
             mesh: Mesh::default(),
             group: Vec::new(),
             object: Vec::new(),
@@ -206,8 +208,9 @@ impl<'a> Reader<'a> {
             }
             _ => "Export a lighter mesh.",
         };
-        self.report.push(Diagnostic::error(code, self.file, Place::Line(line)).problem(problem).help(help));
-        self.is_sound = false;
+        let file = self.file;
+        let said = |problem: &str| Diagnostic::error(code, file, Place::Line(line)).problem(problem).help(help);
+        self.causes.add(code, problem.clone(), || said(&problem));
     }
 
     fn refuse_file(&mut self, problem: &str) {
@@ -278,25 +281,25 @@ impl<'a> Reader<'a> {
         let lacks_vertex = |corner: &Corner| corner.vertex as usize >= vertices;
         let lacks_uv = |corner: &Corner| corner.uv.is_some_and(|uv| uv as usize >= uvs);
         if self.mesh.corners.iter().any(|corner| lacks_vertex(corner) || lacks_uv(corner)) {
-            let mut broken = Vec::new();
-            for face in &self.mesh.faces {
-                for corner in self.mesh.corners_of(face) {
-                    if lacks_vertex(corner) {
+            for number in 0..self.mesh.faces.len() {
+                let face = self.mesh.faces[number];
+                for corner in face.first_corner..face.first_corner + face.corner_count {
+                    let corner = self.mesh.corners[corner as usize];
+                    if lacks_vertex(&corner) {
                         let problem = format!("vertex {} is named, but there are {vertices}", corner.vertex + 1);
-                        broken.push((face.line, problem));
+                        self.refuse("obj-face", face.line, problem);
                     }
-                    if let Some(uv) = corner.uv.filter(|_| lacks_uv(corner)) {
+                    if let Some(uv) = corner.uv.filter(|_| lacks_uv(&corner)) {
                         let problem = format!("texture coordinate {} is named, but there are {uvs}", uv + 1);
-                        broken.push((face.line, problem));
+                        self.refuse("obj-face", face.line, problem);
                     }
                 }
             }
-            for (line, problem) in broken {
-                self.refuse("obj-face", line, problem);
-            }
         }
         self.decode_names();
-        self.is_sound.then_some(self.mesh)
+        let is_sound = self.causes.is_empty();
+        self.causes.report("line", self.report);
+        is_sound.then_some(self.mesh)
     }
 
     fn decode_names(&mut self) {
