@@ -356,6 +356,17 @@ fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
     assert!(mean > 0.65, "sleeves follow their arm by {mean} only");
 }
 
+/// People type what their shell completes.
+#[test]
+fn a_garment_is_named_by_its_id_or_its_folder() {
+    let assets = repository().join("assets-src");
+    for named in ["komon".to_owned(), "komon/".to_owned(), format!("{}/", assets.join("komon").display())] {
+        assert_eq!(catalog::garment_ids(&assets, &[named]).unwrap(), ["komon"]);
+    }
+    let other = catalog::garment_ids(&assets, &["elsewhere/komon".to_owned()]).unwrap_err().to_string();
+    assert!(other.contains("no garment elsewhere/komon"), "{other}");
+}
+
 /// Each build reads the index, adds its garment and writes it: at the same time they would lose each other's.
 #[test]
 fn builds_at_the_same_time_keep_each_other_s_entries() {

@@ -227,7 +227,7 @@ pub fn pack_path(catalog: &Path, id: &str) -> PathBuf {
     catalog.join("packs").join(format!("{id}.kitsuke"))
 }
 
-/// The garments named, or all of the assets folder where none is, sorted.
+/// The garments named, by ID or by their folder, or all of the assets folder where none is, sorted.
 ///
 /// # Errors
 /// The folder cannot be read or holds no garment, or one that is named is not in it.
@@ -237,7 +237,8 @@ pub fn garment_ids(assets: &Path, named: &[String]) -> Result<Vec<String>, Catal
         let problem = "there is no garment folder (one that holds garment.toml)".to_owned();
         return Err(CatalogError::Io { path: assets.to_owned(), problem });
     }
-    for id in named {
+    let named: Vec<String> = named.iter().map(|named| as_id(assets, named)).collect();
+    for id in &named {
         if !all.contains(id) {
             let similar = source::closest(id, all.iter().map(String::as_str)).map(str::to_owned);
             return Err(CatalogError::Unknown { id: id.clone(), assets: assets.to_owned(), similar });
@@ -245,6 +246,17 @@ pub fn garment_ids(assets: &Path, named: &[String]) -> Result<Vec<String>, Catal
     }
     all.retain(|id| named.is_empty() || named.contains(id));
     Ok(all)
+}
+
+/// The ID of a garment that is named by the path of its folder; else what was named.
+fn as_id(assets: &Path, named: &str) -> String {
+    let path = Path::new(named);
+    let id = path.file_name().and_then(|name| name.to_str()).unwrap_or(named);
+    let is_same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    match is_same(path, &assets.join(id)) || named.trim_end_matches(['/', '\\']) == id {
+        true => id.to_owned(),
+        false => named.to_owned(),
+    }
 }
 
 /// The hash of the running program: another program may build other packs from the same inputs. Empty when it cannot be

@@ -4,6 +4,7 @@ use super::{NamedMesh, gaps};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::causes::Causes;
 use crate::source::obj::Corner;
+use glam::Vec2;
 use kitsuke::arrays::limits;
 
 /// Triangles smaller than this times the square of their longest side have no usable normal.
@@ -78,6 +79,14 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
             Diagnostic::warning("names-encoding", file, Place::Line(line))
                 .problem(format!("the names of the pieces are not UTF-8; read as {encoding} they are {}", mesh.parts.join(", ")))
                 .help("If they read wrongly, save the file in UTF-8, or give the pieces names of letters A to Z and digits."),
+        );
+    }
+    let is_far = |uv: &&Vec2| uv.abs().max_element() > limits::UV;
+    if let Some(uv) = mesh.uv.iter().find(is_far) {
+        report.push(
+            Diagnostic::error("uv-range", file, Place::File)
+                .problem(format!("a texture coordinate lies at {:.1}, {:.1}, beyond {}", uv.x, uv.y, limits::UV))
+                .help("Export texture coordinates from 0 to 1, not in millimetres (Marvelous Designer: Unified UV Coordinates)."),
         );
     }
     let is_bare = |corner: &Corner| corner.uv.is_none();

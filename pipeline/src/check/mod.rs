@@ -59,6 +59,10 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     check_id(&folder, report);
     let budget_m = check_budget(&manifest, &manifest_file, report);
+    for budget in [&manifest.speed_budget, &manifest.unseen_budget, &manifest.inside_budget].into_iter().flatten() {
+        check_limit(budget, &manifest_file, report);
+    }
+    check_name(&manifest, &manifest_file, report);
     let mesh_of = |written: &str| {
         let (file, mesh) = meshes.get_key_value(&folder.name_of(written).ok()?)?;
         Some(NamedMesh { file, mesh })
@@ -246,6 +250,29 @@ fn check_budget(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) -
         return None;
     }
     Some(budget.metres() as f32)
+}
+
+/// A length that something measured is held against.
+fn check_limit(field: &Field<Length>, file: &str, report: &mut Vec<Diagnostic>) {
+    if let Some(length) = field.get().filter(|length| !(length.metres() > 0.0 && length.metres().is_finite())) {
+        report.push(
+            Diagnostic::error("budget", file, field.place())
+                .problem(format!("nothing stays below {length}"))
+                .help("Give a length above 0, or leave the line out."),
+        );
+    }
+}
+
+/// The name that people read travels in the pack.
+fn check_name(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) {
+    let (Some(field), Some(name)) = (&manifest.name, value(&manifest.name)) else { return };
+    if name.trim().is_empty() || name.len() > limits::NAME_BYTES || name.chars().any(char::is_control) {
+        report.push(
+            Diagnostic::error("name", file, field.place())
+                .problem("the name is empty, too long, or has characters that cannot be printed")
+                .help(format!("Give 1 to {} bytes of printable text, for example \"小紋 komon\".", limits::NAME_BYTES)),
+        );
+    }
 }
 
 /// The pose table against itself and the manifest.

@@ -161,9 +161,16 @@ fn foreign_content(bytes: &[u8]) -> Option<&'static str> {
         _ if bytes.starts_with(b"Kaydara FBX") => Some("the file is an FBX scene, not OBJ"),
         _ if bytes.starts_with(b"PK\x03\x04") => Some("the file is an archive (a ZPRJ or ZIP), not OBJ"),
         _ if bytes.starts_with(b"glTF") => Some("the file is a GLB scene, not OBJ"),
+        _ if ends_in_cr_alone(&bytes[..bytes.len().min(4096)]) => {
+            Some("the lines end in CR alone, as no program of today writes them; they must end in LF or CRLF")
+        }
         _ if bytes.iter().take(4096).any(|&byte| byte == 0) => Some("the file is binary, or UTF-16 text, not OBJ"),
         _ => None,
     }
+}
+
+fn ends_in_cr_alone(start: &[u8]) -> bool {
+    start.iter().filter(|&&byte| byte == b'\r').count() > 2 && !start.contains(&b'\n')
 }
 
 struct Reader<'a> {

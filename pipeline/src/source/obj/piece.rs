@@ -6,6 +6,8 @@ use glam::{DVec3, Vec2};
 
 /// Most corners of one polygon.
 const CORNERS: usize = 1024;
+/// Numbers beyond are no places of cloth in any unit.
+const LARGEST: f64 = 1e12;
 
 /// How many elements a text has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -124,6 +126,10 @@ impl Piece {
                 self.refuse("obj-number", line, format!("`{}` is no finite number", shortened(word)));
                 return None;
             };
+            if parsed.abs() > LARGEST {
+                self.refuse("obj-number", line, format!("`{}` is too large a number", shortened(word)));
+                return None;
+            }
             *number = parsed;
         }
         Some(numbers)

@@ -71,6 +71,7 @@ fn mistakes_name_their_lines() {
     check(&format!("{SQUARE}\\\n\\\nf 1 2 x"), "obj-face", 7);
     assert_eq!(read_bytes(b"\xff\xfev\0 \0").unwrap_err()[0].code, "obj-encoding");
     assert_eq!(read_bytes(b"Kaydara FBX Binary  ").unwrap_err()[0].code, "obj-encoding");
+    assert!(read_bytes(SQUARE.replace('\n', "\r").as_bytes()).unwrap_err()[0].problem.contains("CR alone"));
 }
 
 /// All `v` lines, read by the shortest possible code.
