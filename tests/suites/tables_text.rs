@@ -164,3 +164,60 @@ fn many_equal_rows_are_one_message_with_a_count() {
         assert!(report[0].problem.contains("and 19999 more"), "{report:?}");
     }
 }
+
+/// Nobody has quaternions: all rows of komon as angles, by glam's conversion, are the same rotations.
+#[test]
+fn angles_in_degrees_are_the_same_rotations() {
+    let rows = of_komon("poses.csv");
+    let joints: Vec<&str> = rows[0].iter().filter_map(|header| header.strip_suffix("_qx")).collect();
+    let columns = joints.iter().flat_map(|joint| ["rx", "ry", "rz"].map(|axis| format!(",{joint}_{axis}_deg")));
+    let mut text = format!("file,name{}\n", columns.collect::<String>());
+    for row in &rows[1..] {
+        text += &format!("{},{}", row[0], row[1]);
+        for numbers in row[2..].chunks(4) {
+            let [x, y, z, w]: [f64; 4] = std::array::from_fn(|i| numbers[i].parse().unwrap());
+            let (rz, ry, rx) = glam::DQuat::from_xyzw(x, y, z, w).normalize().to_euler(glam::EulerRot::ZYX);
+            text += &[rx, ry, rz].map(|angle| format!(",{:.5}", angle.to_degrees())).concat();
+        }
+        text += "\n";
+    }
+    let read = |bytes: &[u8]| tables::read("poses.csv", bytes, &mut Vec::new()).unwrap();
+    let quaternions = read(&fs::read(root().join("assets-src/komon/poses.csv")).unwrap());
+    let angles = read(text.as_bytes());
+    assert_eq!(angles.bones, quaternions.bones);
+    for (a, b) in angles.rows.iter().zip(&quaternions.rows) {
+        let apart = a.rotations.iter().zip(&b.rotations).map(|(a, b)| a.angle_between(*b).to_degrees());
+        assert!(apart.fold(0.0, f32::max) < 0.1, "{}", a.name);
+        let dots = a.rotations.iter().zip(&b.rotations).map(|(a, b)| 1.0 - a.dot(*b).abs());
+        assert!(dots.fold(0.0, f32::max) < 1e-6, "{}", a.name);
+    }
+}
+
+#[test]
+fn one_angle_is_enough_and_a_rotation_is_given_once() {
+    let read = |text: &str| {
+        let mut report = Vec::new();
+        tables::read_rotations("poses.csv", text.as_bytes(), &mut report).ok_or(report)
+    };
+    let table = read(
+        "name,leftUpperArm_rz_deg,leftLowerArm_qx,leftLowerArm_qy,leftLowerArm_qz,leftLowerArm_qw\nbase,0,0,0,0,1\ndown,-45,0,0,0,1\n",
+    );
+    let down = table.unwrap().rows[1].rotations[0];
+    assert!(down.abs_diff_eq(glam::Quat::from_xyzw(0.0, 0.0, -0.382_683, 0.923_880), 1e-5), "{down}");
+    // X first, then Y: the arm that points to the left goes forward by the turn about Y alone.
+    let table = read("name,leftUpperArm_rx_deg,leftUpperArm_ry_deg\na,90,-90\n").unwrap();
+    let points = table.rows[0].rotations[0] * glam::Vec3::X;
+    assert!(points.abs_diff_eq(glam::Vec3::Z, 1e-6), "{points}");
+    for (text, code) in [
+        ("name,leftUpperArm_rz_deg,leftUpperArm_rz_deg\na,1,2\n", "pose-column"),
+        (
+            "name,leftUpperArm_rz_deg,leftUpperArm_qx,leftUpperArm_qy,leftUpperArm_qz,leftUpperArm_qw\na,1,0,0,0,1\n",
+            "pose-column",
+        ),
+        ("name,leftUpperArm_rz_deg\na,700\n", "pose-quaternion"),
+        ("name,leftUpperArm_rz_deg\na,steep\n", "pose-number"),
+        ("name,leftUpperarm_rz_deg\na,1\n", "pose-column"),
+    ] {
+        assert_eq!(read(text).unwrap_err()[0].code, code, "{text}");
+    }
+}

@@ -1,5 +1,8 @@
-//! `poses.csv`: one row per sample, its joint rotations as quaternions relative to the T-pose. Knows nothing of the
-//! files that its rows name.
+//! `poses.csv`: one row per sample, its joint rotations relative to the T-pose, as quaternions or as angles in degrees. Knows nothing of
+//! the files that its rows name.
+//!
+//! Angles `rx_deg`, `ry_deg`, `rz_deg` turn a joint about X, then about Y, then about Z: the axes of the T-pose (X to the wearer's left, Y up,
+//! Z to the front), as they lie in the joint that it hangs on. Those that the table lacks are 0.
 
 use super::causes::Causes;
 use super::delimited::{self, Cells, Row};
@@ -52,6 +55,8 @@ enum Column {
     Name,
     /// Component 0..4 (x, y, z, w) of a bone's rotation.
     Rotation(Bone, usize),
+    /// Angle about axis 0..3 (x, y, z), degrees.
+    Angle(Bone, usize),
     Ignored,
 }
 
@@ -83,13 +88,16 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
     let columns: Vec<Column> = headers.iter().map(|header| column(file, header, &header_place, report)).collect();
     let mut bones: Vec<Bone> = Vec::new();
     for column in &columns {
-        if let Column::Rotation(bone, _) = column
+        if let Column::Rotation(bone, _) | Column::Angle(bone, _) = column
             && !bones.contains(bone)
         {
             bones.push(*bone);
         }
     }
     for bone in &bones {
+        if has_angles_alone(file, *bone, &columns, &header_place, report) {
+            continue;
+        }
         for (i, axis) in AXES.iter().enumerate() {
             let count = columns.iter().filter(|c| matches!(c, Column::Rotation(b, j) if b == bone && *j == i)).count();
             if count != 1 {
@@ -109,7 +117,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
         report.push(
             Diagnostic::error("pose-column", file, header_place.clone())
                 .problem("the pose table has no joint rotations")
-                .help("Add four columns per joint, for example rightUpperArm_qx,rightUpperArm_qy,rightUpperArm_qz,rightUpperArm_qw."),
+                .help("Add columns per joint: rightUpperArm_rz_deg (and rx, ry), or rightUpperArm_qx,rightUpperArm_qy,rightUpperArm_qz,rightUpperArm_qw."),
         );
     }
     if report.len() > before_header {
@@ -125,18 +133,25 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
                 Column::File => row.file = value.to_owned(),
                 Column::Name => row.name = value.to_owned(),
                 Column::Ignored => {}
-                Column::Rotation(bone, i) => {
+                Column::Rotation(bone, i) | Column::Angle(bone, i) => {
                     let at = bones.iter().position(|b| b == bone).expect("every rotation column's bone is listed");
                     let number = numbers::read(value);
-                    parts[at].add(*i, value, number.as_ref().ok().copied());
+                    let is_angle = matches!(column, Column::Angle(..));
+                    let value_deg = number.as_ref().ok().copied();
+                    match is_angle {
+                        true => parts[at].turn(*i, value_deg),
+                        false => parts[at].add(*i, value, value_deg),
+                    }
                     if let Err(wrong) = number {
                         let cause = if wrong.cause.is_empty() { value } else { wrong.cause };
                         of_cells.add("pose-number", cause, || {
                             Diagnostic::error("pose-number", file, Place::Line(line))
                                 .problem(format!("{header}: {}", wrong.problem))
-                                .help(wrong.help.as_deref().unwrap_or(
-                                    "Give the joint's rotation against the T-pose as a unit quaternion; 0, 0, 0, 1 is no rotation.",
-                                ))
+                                .help(wrong.help.as_deref().unwrap_or(if is_angle {
+                                    "Give the angle in degrees; 0 is no rotation."
+                                } else {
+                                    "Give the joint's rotation against the T-pose as a unit quaternion; 0, 0, 0, 1 is no rotation."
+                                }))
                         });
                     }
                 }
@@ -150,7 +165,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
                         .help(help)
                 });
             }
-            row.rotations.push(DQuat::from_array(part.parts).normalize().as_quat());
+            row.rotations.push(part.rotation());
         }
         rows.push(row);
     }
@@ -167,6 +182,8 @@ struct Written {
     decimals: usize,
     /// Whether a cell is no number.
     is_damaged: bool,
+    /// Angles about X, Y and Z, where the table gives those.
+    angles_deg: Option<[f64; 3]>,
 }
 
 impl Written {
@@ -176,8 +193,32 @@ impl Written {
         self.is_damaged |= number.is_none();
     }
 
+    fn turn(&mut self, i: usize, angle_deg: Option<f64>) {
+        self.angles_deg.get_or_insert_default()[i] = angle_deg.unwrap_or(0.0);
+        self.is_damaged |= angle_deg.is_none();
+    }
+
+    fn rotation(&self) -> Quat {
+        let Some(angles_deg) = self.angles_deg else { return DQuat::from_array(self.parts).normalize().as_quat() };
+        let about = |i: usize| {
+            let half = (angles_deg[i] / 2.0).to_radians();
+            let mut parts = [0.0, 0.0, 0.0, libm::cos(half)];
+            parts[i] = libm::sin(half);
+            DQuat::from_array(parts)
+        };
+        (about(2) * about(1) * about(0)).normalize().as_quat()
+    }
+
     /// Why this is no rotation, what is wrong, and what to do.
     fn mistake(&self) -> Option<(&'static str, String, String)> {
+        if let Some(angles_deg) = self.angles_deg {
+            let far_deg = angles_deg.into_iter().find(|angle_deg| angle_deg.abs() > 360.0 && !self.is_damaged)?;
+            return Some((
+                "angle",
+                format!("is an angle of {far_deg} degrees, more than a whole turn"),
+                "Give angles from -180 to 180 degrees.".to_owned(),
+            ));
+        }
         let [x, y, z, w] = self.parts;
         let length = DQuat::from_array(self.parts).length();
         if self.is_damaged || (length - 1.0).abs() <= UNIT_TOLERANCE {
@@ -230,6 +271,26 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], most: usize, report: &mut Vec<D
 }
 
 const AXES: [&str; 4] = ["qx", "qy", "qz", "qw"];
+const ANGLES: [&str; 3] = ["rx", "ry", "rz"];
+
+/// Whether a bone's rotation is given as angles; reports columns that say it twice.
+fn has_angles_alone(file: &str, bone: Bone, columns: &[Column], place: &Place, report: &mut Vec<Diagnostic>) -> bool {
+    let angles =
+        |i: usize| columns.iter().filter(|c| matches!(c, Column::Angle(b, j) if *b == bone && *j == i)).count();
+    let counts = [angles(0), angles(1), angles(2)];
+    if counts == [0; 3] {
+        return false;
+    }
+    let is_twice = columns.iter().any(|column| matches!(column, Column::Rotation(b, _) if *b == bone));
+    if is_twice || counts.iter().any(|count| *count > 1) {
+        report.push(
+            Diagnostic::error("pose-column", file, place.clone())
+                .problem(format!("the rotation of {} is given more than once", bone.name()))
+                .help("Give it as angles (_rx_deg, _ry_deg, _rz_deg) or as a quaternion (_qx, _qy, _qz, _qw), each column once."),
+        );
+    }
+    true
+}
 
 /// What a header means; reports one that means nothing.
 fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>) -> Column {
@@ -238,6 +299,11 @@ fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>)
         "name" => return Column::Name,
         "index" | "body" => return Column::Ignored,
         _ => {}
+    }
+    if let Some((bone, axis)) = header.strip_suffix("_deg").and_then(|angle| angle.rsplit_once('_'))
+        && let (Some(bone), Some(axis)) = (Bone::from_name(bone), ANGLES.iter().position(|known| *known == axis))
+    {
+        return Column::Angle(bone, axis);
     }
     let (bone, axis) = header.rsplit_once('_').unwrap_or((header, ""));
     let component = AXES.iter().position(|known| *known == axis);
@@ -251,7 +317,7 @@ fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>)
     report.push(
         Diagnostic::error("pose-column", file, place.clone())
             .problem(problem)
-            .help("Columns are file, name and, per joint, its VRM 1.0 name with _qx, _qy, _qz, _qw."),
+            .help("Columns are file, name and, per joint, its VRM 1.0 name with _rx_deg, _ry_deg, _rz_deg, or with _qx, _qy, _qz, _qw."),
     );
     Column::Ignored
 }
