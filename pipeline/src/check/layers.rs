@@ -1,6 +1,6 @@
 //! Which drivers and targets form a layer: groups that no pose turns together are independent and add. Knows rotations only.
 
-use super::is_near;
+use super::poses::is_near;
 use crate::ir;
 use glam::Quat;
 use kitsuke::skeleton::Bone;

@@ -1,6 +1,7 @@
 //! Source → Ir: units become metres and radians, names become numbers, and every mistake of the artist is reported, all
 //! in one run. Knows what garments are like, and no file format.
 
+mod drivers;
 mod exchange;
 mod gaps;
 mod layers;
@@ -9,6 +10,7 @@ mod near_skin;
 mod placement;
 mod pose_fit;
 mod pose_words;
+mod poses;
 mod regions;
 mod sides;
 mod signature;
@@ -18,32 +20,24 @@ mod target;
 use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::ir;
 use crate::source::Source;
-use crate::source::causes::Causes;
 use crate::source::folder::Folder;
-use crate::source::manifest::{self, BoneName, DriverEntry, Field, LimitEntry, Manifest, Up};
+use crate::source::manifest::{self, Field, Manifest, Up};
 use crate::source::obj;
 use crate::source::paths::Paths;
-use crate::source::tables::{PoseRow, PoseTable};
+use crate::source::tables::PoseRow;
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, is_garment_id, rules};
-use glam::{DVec3, Quat, Vec3};
-use kitsuke::arrays::{PoseLimit, limits};
+use glam::{DVec3, Vec3};
+use kitsuke::arrays::limits;
 use kitsuke::fit;
-use kitsuke::skeleton::Bone;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// The budget where the manifest gives none.
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
 /// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
 const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
-/// How much farther than the samples a limited joint may turn, degrees.
-const MARGIN_DEG: std::ops::RangeInclusive<f64> = 0.5..=45.0;
 /// How much a path may count in a fit.
 const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
-/// Cosine of half a degree: two rotations whose quaternions' product exceeds it are less than one degree apart.
-const COS_HALF_DEGREE: f32 = 0.999_961_9;
-/// What no rotation becomes where w is written first.
-const HALF_TURN_ABOUT_X: Quat = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
 
 /// A file of the garment and the mesh in it.
 #[derive(Clone, Copy)]
@@ -70,13 +64,13 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let poses_file = value(&manifest.poses).and_then(|written| folder.name_of(written).ok());
     let poses = poses.zip(poses_file.as_deref());
     if let Some((table, file)) = &poses {
-        check_poses(table, file, &manifest, &folder, report);
+        poses::check(table, file, &manifest, &folder, report);
         sides::check(table, file, report);
     }
-    let drivers = check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
-    let pose_limits = check_limits(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
+    let drivers = drivers::check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
+    let pose_limits = drivers::check_limits(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
     if let Some(body) = &body {
-        check_joints(&manifest, &manifest_file, poses.as_ref(), body, report);
+        drivers::check_joints(&manifest, &manifest_file, poses.as_ref(), body, report);
     }
     let base_mesh = value(&manifest.base).and_then(|written| mesh_of(written));
     let obi_mesh = value(&manifest.obi).and_then(|written| mesh_of(written));
@@ -106,7 +100,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
 
     let mut targets = Vec::new();
     let reference = target::Reference::new(base_mesh, &base, obi.as_ref().filter(|_| is_placed));
-    let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(untwisted(table)).skip(1));
+    let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(poses::untwisted(table)).skip(1));
     // A file that two rows name is a mistake, already reported, and need not be held twice.
     let mut seen = BTreeSet::new();
     for (row, rotations) in rows {
@@ -272,304 +266,6 @@ fn check_name(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) {
                 .problem("the name is empty, too long, or has characters that cannot be printed")
                 .help(format!("Give 1 to {} bytes of printable text, for example \"小紋 komon\".", limits::NAME_BYTES)),
         );
-    }
-}
-
-/// The pose table against itself and the manifest.
-fn check_poses(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folder, report: &mut Vec<Diagnostic>) {
-    let Some((base, targets)) = table.rows.split_first() else {
-        report.push(
-            Diagnostic::error("no-base-row", file, Place::File)
-                .problem("the pose table has no rows")
-                .help("Give one row per shape: first the base in the T-pose, then each target."),
-        );
-        return;
-    };
-    let base_file = value(&manifest.base).and_then(|written| folder.name_of(written).ok());
-    if base_file.is_some() && folder.name_of(&base.file).ok() != base_file {
-        report.push(
-            Diagnostic::error("base-row", file, Place::Line(base.line))
-                .problem(format!("the first row names `{}`, which is not the base of garment.toml", base.file))
-                .help("The first row is the base in the T-pose; put it there, rotations 0, 0, 0, 1."),
-        );
-    } else if base.rotations.iter().all(|q| is_near(*q, HALF_TURN_ABOUT_X)) {
-        report.push(
-            Diagnostic::error("base-pose", file, Place::Line(base.line))
-                .problem("every joint of the base has 1 in the column of qx and 0 in that of qw: w is written first")
-                .help("Move the columns' values: the order is qx, qy, qz, qw, so 0, 0, 0, 1 is no rotation; or rename the columns in the order w, x, y, z."),
-        );
-        // What the rows are is not known before that is mended.
-        return;
-    } else if let Some(at) = base.rotations.iter().position(|q| !is_near(*q, Quat::IDENTITY)) {
-        report.push(
-            Diagnostic::error("base-pose", file, Place::Line(base.line))
-                .problem(format!("the base is not in the T-pose: {} is turned", table.bones[at].name()))
-                .help("Drape the base in the T-pose; its rotations are 0, 0, 0, 1, and all others are relative to it."),
-        );
-    }
-    if targets.is_empty() {
-        report.push(
-            Diagnostic::error("no-targets", file, Place::File)
-                .problem("there are no targets, only the base, so nothing could move")
-                .help("Export the kimono in each pose (poses/01_name.obj, …) and add a row per pose."),
-        );
-    }
-    if targets.len() > limits::TARGETS {
-        report.push(
-            Diagnostic::error("too-many-targets", file, Place::File)
-                .problem(format!("{} targets are more than a pack can hold", grouped(targets.len())))
-                .help(format!("Use at most {}.", grouped(limits::TARGETS))),
-        );
-        // Rows are compared two by two.
-        return;
-    }
-    check_rows(table, file, manifest, folder, report);
-}
-
-/// Rows against each other: names, files and poses that occur twice.
-fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folder, report: &mut Vec<Diagnostic>) {
-    let mut causes = Causes::default();
-    let mut lines_of: BTreeMap<(&str, String), u32> = BTreeMap::new();
-    for row in &table.rows {
-        let shape = folder.name_of(&row.file).unwrap_or_else(|_| row.file.clone());
-        for (what, key, shown) in [("name", row.name.to_lowercase(), &row.name), ("file", shape, &row.file)] {
-            let line = *lines_of.entry((what, key)).or_insert(row.line);
-            if line != row.line {
-                causes.add("duplicate-target", format!("{what} {line}"), || {
-                    Diagnostic::error("duplicate-target", file, Place::Line(row.line))
-                        .problem(format!("the {what} `{shown}` stands in line {line} already"))
-                        .help(
-                            "Give every target a file and a name of its own (upper and lower case count as the same).",
-                        )
-                });
-            }
-        }
-        if row.name.len() > limits::NAME_BYTES || !can_name_a_file(&row.name) {
-            causes.add("target-name", "", || {
-                Diagnostic::error("target-name", file, Place::Line(row.line))
-                    .problem("the name is too long or has characters that no file name may have")
-                    .help(format!("Use at most {} bytes of printable text without / and \\.", limits::NAME_BYTES))
-            });
-        }
-    }
-    // Unless every driver is right, nobody knows which joints are compared.
-    let driven = |driver: &DriverEntry| -> Option<Vec<Bone>> {
-        driver.joints.as_ref()?.iter().map(|joint| joint.get().map(|name| name.0)).collect()
-    };
-    let joints: Option<Vec<Vec<Bone>>> = manifest.drivers.iter().map(driven).collect();
-    let joints = joints.unwrap_or_default().concat();
-    let rotations = untwisted(table);
-    // Each row is held against those that are no copies themselves, so that many copies cost no more than one.
-    let mut own: Vec<usize> = Vec::new();
-    for (i, row) in table.rows.iter().enumerate().take(limits::TARGETS + 1) {
-        let copied = |&of: &usize| Some((of, copied(table, &rotations, &joints, i, of)?));
-        let Some((of, said)) = own.iter().find_map(copied) else {
-            own.push(i);
-            continue;
-        };
-        let other = &table.rows[of];
-        causes.add("equal-poses", format!("{of} {said}"), || {
-            Diagnostic::error("equal-poses", file, Place::Line(row.line))
-                .problem(format!("the poses `{}` and `{}` (line {}) {said}", row.name, other.name, other.line))
-                .help("Correct the rotations, leave one of the two out, or give a driver the joint that differs.")
-        });
-    }
-    causes.report("row", report);
-}
-
-/// Why nobody can tell two rows apart, as the rest of a sentence; `None` where they differ.
-fn copied(table: &PoseTable, rotations: &[Vec<Quat>], joints: &[Bone], a: usize, b: usize) -> Option<&'static str> {
-    let differing = table.bones.iter().zip(rotations[a].iter().zip(&rotations[b]));
-    let mut differing = differing.filter(|(_, (a, b))| !is_near(**a, **b)).map(|(bone, _)| bone).peekable();
-    if differing.peek().is_none() {
-        let (a, b) = (&table.rows[a].rotations, &table.rows[b].rotations);
-        return Some(match a.iter().zip(b).all(|(a, b)| is_near(*a, *b)) {
-            true => "differ by less than 1 degree in every joint",
-            false => "differ only in the twist of arms, which turn inside the sleeves",
-        });
-    }
-    (!joints.is_empty() && !differing.any(|bone| joints.contains(bone)))
-        .then_some("differ only in joints that no driver compares")
-}
-
-/// The rotations of every row as the cloth follows them.
-fn untwisted(table: &PoseTable) -> Vec<Vec<Quat>> {
-    let poses = table.poses().into_iter().map(|pose| pose.with_arms_untwisted());
-    poses.map(|pose| table.bones.iter().map(|&bone| pose.rotation(bone)).collect()).collect()
-}
-
-/// Whether two unit quaternions are less than one degree apart.
-fn is_near(a: Quat, b: Quat) -> bool {
-    a.dot(b).abs() > COS_HALF_DEGREE
-}
-
-/// Named joints that are right, with their places.
-fn right_joints(joints: &Option<Vec<Field<BoneName>>>) -> impl Iterator<Item = (&Field<BoneName>, Bone)> {
-    joints.iter().flatten().filter_map(|field| Some((field, field.get()?.0)))
-}
-
-/// The drivers of the manifest; `None` when one of them is incomplete.
-fn check_drivers(
-    manifest: &Manifest,
-    file: &str,
-    poses: Option<&PoseTable>,
-    report: &mut Vec<Diagnostic>,
-) -> Option<Vec<ir::Driver>> {
-    if manifest.drivers.is_empty() || manifest.drivers.len() > limits::DRIVERS {
-        report.push(
-            Diagnostic::error("driver-count", file, Place::File)
-                .problem(format!("there are {} drivers", manifest.drivers.len()))
-                .help(format!("Give 1 to {} [[driver]] tables: joints whose poses choose the shape.", limits::DRIVERS)),
-        );
-    }
-    let mut names: Vec<&str> = Vec::new();
-    for driver in &manifest.drivers {
-        if let (Some(field), Some(name)) = (&driver.name, value(&driver.name)) {
-            if names.contains(&name.as_str()) {
-                report.push(
-                    Diagnostic::error("duplicate-driver", file, field.place())
-                        .problem(format!("two drivers are called `{name}`"))
-                        .help("Give every driver a name of its own."),
-                );
-            }
-            if name.is_empty() || name.len() > limits::NAME_BYTES || !can_name_a_file(name) {
-                report.push(
-                    Diagnostic::error("driver-name", file, field.place())
-                        .problem("the driver's name is empty, too long, or has characters that no file name may have")
-                        .help(format!("Use 1 to {} bytes of printable text without / and \\.", limits::NAME_BYTES)),
-                );
-            }
-            names.push(name);
-        }
-        check_joint_names(&driver.joints, driver.name.as_ref(), file, poses, report);
-        if let (Some(field), Some(threshold)) = (&driver.threshold, value(&driver.threshold))
-            && !(threshold.radians() > 0.0 && threshold.radians() <= std::f64::consts::PI)
-        {
-            report.push(
-                Diagnostic::error("threshold", file, field.place())
-                    .problem(format!("a threshold of {threshold} lets no pose or every pose be similar"))
-                    .help("Choose more than 0 and at most 180 deg; 60 deg suits shoulders and elbows."),
-            );
-        }
-    }
-    let driver = |driver: &DriverEntry| {
-        Some(ir::Driver {
-            name: value(&driver.name)?.clone(),
-            group: value(&driver.group).or(value(&driver.name))?.clone(),
-            joints: right_joints(&driver.joints).map(|(_, bone)| bone).collect(),
-            threshold_rad: value(&driver.threshold)?.radians() as f32,
-            layer: 0,
-        })
-    };
-    sides::check_groups(manifest, file, report);
-    manifest.drivers.iter().map(driver).collect()
-}
-
-/// The limits of the manifest; `None` when one of them is incomplete.
-fn check_limits(
-    manifest: &Manifest,
-    file: &str,
-    poses: Option<&PoseTable>,
-    report: &mut Vec<Diagnostic>,
-) -> Option<Vec<PoseLimit>> {
-    if manifest.limits.len() > limits::POSE_LIMITS {
-        report.push(
-            Diagnostic::error("limit-count", file, Place::File)
-                .problem(format!("there are {} [[limit]] tables", manifest.limits.len()))
-                .help(format!("Give at most {}; joints that hold each other back stand in one.", limits::POSE_LIMITS)),
-        );
-    }
-    for limit in &manifest.limits {
-        check_joint_names(&limit.joints, limit.margin.as_ref(), file, poses, report);
-        if let (Some(field), Some(margin)) = (&limit.margin, value(&limit.margin))
-            && !MARGIN_DEG.contains(&margin.radians().to_degrees())
-        {
-            report.push(
-                Diagnostic::error("limit-margin", file, field.place())
-                    .problem(format!("a margin of {margin} stops the wearer dead or not at all"))
-                    .help("Choose 0.5 to 45 deg; 5 deg is usual."),
-            );
-        }
-    }
-    let limit = |limit: &LimitEntry| {
-        Some(PoseLimit {
-            bones: right_joints(&limit.joints).map(|(_, bone)| bone).collect(),
-            margin_rad: value(&limit.margin)?.radians() as f32,
-            bounds: Vec::new(),
-        })
-    };
-    manifest.limits.iter().map(limit).collect()
-}
-
-/// The joints of a driver or limit; what is wrong with all of them is said at `owner`.
-fn check_joint_names<T>(
-    joints: &Option<Vec<Field<BoneName>>>,
-    owner: Option<&Field<T>>,
-    file: &str,
-    poses: Option<&PoseTable>,
-    report: &mut Vec<Diagnostic>,
-) {
-    if joints.as_ref().is_some_and(Vec::is_empty) {
-        report.push(
-            Diagnostic::error("driver-joints", file, owner.map_or(Place::File, Field::place))
-                .problem("there are no joints in this list")
-                .help("Name one or more, for example joints = [\"rightLowerArm\"]."),
-        );
-    }
-    let mut seen = Vec::new();
-    for (field, bone) in right_joints(joints) {
-        if seen.contains(&bone) {
-            report.push(
-                Diagnostic::error("driver-joints", file, field.place())
-                    .problem(format!("the joint {} is named twice", bone.name()))
-                    .help("Name each joint once."),
-            );
-        }
-        seen.push(bone);
-        if poses.is_some_and(|table| !table.bones.contains(&bone)) {
-            report.push(
-                Diagnostic::error("missing-joint", file, field.place())
-                    .problem(format!("the pose table gives no rotations of {}", bone.name()))
-                    .help(format!("Add the columns {0}_qx,{0}_qy,{0}_qz,{0}_qw, or name another joint.", bone.name())),
-            );
-        }
-    }
-}
-
-/// Whether the body has the joints of drivers, limits and pose table, and those that carry the skirt.
-fn check_joints(
-    manifest: &Manifest,
-    file: &str,
-    poses: Option<&(PoseTable, &str)>,
-    body: &ir::Body,
-    report: &mut Vec<Diagnostic>,
-) {
-    let lacks = |bone: &Bone| body.skeleton.index_of(*bone).is_none();
-    let body_place = manifest.body.as_ref().map_or(Place::File, Field::place);
-    for bone in [Bone::Hips, Bone::LeftUpperLeg, Bone::RightUpperLeg].iter().filter(|bone| lacks(bone)) {
-        report.push(
-            Diagnostic::error("missing-joint", file, body_place.clone())
-                .problem(format!("the body has no joint {}, which carries the skirt", bone.name()))
-                .help("Use a body with the joints hips, leftUpperLeg and rightUpperLeg."),
-        );
-    }
-    let of_drivers = manifest.drivers.iter().map(|driver| &driver.joints);
-    let joints = of_drivers.chain(manifest.limits.iter().map(|limit| &limit.joints)).flat_map(right_joints);
-    for (field, bone) in joints.filter(|(_, bone)| lacks(bone)) {
-        report.push(
-            Diagnostic::error("missing-joint", file, field.place())
-                .problem(format!("the body has no joint {}", bone.name()))
-                .help("Name a joint of the body's skeleton."),
-        );
-    }
-    if let Some((table, poses_file)) = poses {
-        for bone in table.bones.iter().filter(|bone| lacks(bone)) {
-            report.push(
-                Diagnostic::error("missing-joint", *poses_file, Place::Line(1))
-                    .problem(format!("the table turns {}, which the body does not have", bone.name()))
-                    .help("Remove its columns, or use a body with that joint."),
-            );
-        }
     }
 }
 

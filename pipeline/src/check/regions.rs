@@ -112,7 +112,7 @@ struct Sided<'a> {
 }
 
 fn side<'a>(driver: &'a DriverEntry, base: &obj::Mesh, weights: &[f32]) -> Option<Sided<'a>> {
-    let bones: Vec<Bone> = super::right_joints(&driver.joints).map(|(_, bone)| bone).collect();
+    let bones: Vec<Bone> = super::drivers::right_joints(&driver.joints).map(|(_, bone)| bone).collect();
     let is_left = bones.first()?.name().starts_with("left");
     let prefix = if is_left { "left" } else { "right" };
     if !bones.iter().all(|bone| bone.name().starts_with(prefix)) {

@@ -1,7 +1,8 @@
 //! What is allowed and yet hardly meant: a single target, poses of one side alone, groups of drivers that differ by a slip of the pen.
 //! Knows no mesh.
 
-use super::{is_near, value};
+use super::poses::is_near;
+use super::value;
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::manifest::{Field, Manifest};
 use crate::source::tables::PoseTable;
