@@ -152,15 +152,16 @@ fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
     let joints = Joints::new(&nodes, &file.humanoid, &joint_nodes)?;
     // A skin of something else, a prop, has none of the body's bones.
     let is_bone = |node: usize| joints.bones.iter().any(|(_, bone, _)| *bone == node);
-    let is_body = |skin: &Skin| skin.joints.iter().any(|&joint| nodes.upwards(joint).any(is_bone));
+    let moves_body = |skin: &Skin| skin.joints.iter().any(|&joint| nodes.upwards(joint).any(is_bone));
+    let is_body: Vec<bool> = skins.iter().map(moves_body).collect();
     let (own, left_out): (Vec<Piece>, Vec<Piece>) =
-        all.into_iter().partition(|piece| piece.skin.is_some_and(|skin| is_body(&skins[skin])));
+        all.into_iter().partition(|piece| piece.skin.is_some_and(|skin| is_body[skin]));
     if own.iter().all(|piece| piece.triangles.is_empty()) {
         return Err("the skin moves no mesh".to_owned().into());
     }
 
     let shown: Vec<Rest> = skins.iter().map(|skin| skin.shown(&nodes)).collect();
-    let is_at_rest = shown.iter().zip(&skins).all(|(rest, skin)| matches!(rest, Rest::Bound(_)) || !is_body(skin));
+    let is_at_rest = shown.iter().zip(&is_body).all(|(rest, is_body)| matches!(rest, Rest::Bound(_)) || !is_body);
     let mut warnings = Vec::new();
     let bound = (!is_at_rest).then(|| {
         let rests: Vec<Rest> = skins.iter().map(|skin| skin.bound(&nodes)).collect();
@@ -174,7 +175,7 @@ fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
         None => {
             let body = assembled(&nodes, &skins, &joints, &own, &shown)?;
             if let Some(fault) = stance::fault(&body) {
-                let is_unbound = skins.iter().any(|skin| is_body(skin) && !skin.is_bound);
+                let is_unbound = skins.iter().zip(&is_body).any(|(skin, is_body)| *is_body && !skin.is_bound);
                 return Err(if is_unbound { unbound(fault) } else { fault });
             }
             body
