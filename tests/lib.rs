@@ -8,7 +8,7 @@ pub mod motions;
 pub mod random;
 
 use glam::{DVec3, Quat, Vec2, Vec3};
-use kitsuke::Garment;
+use kitsuke::accessories::{self, Obi};
 use kitsuke::arrays::{
     Certificate, Driver, GarmentData, LeftOut, Mesh, NearestPair, Part, PoseBound, PoseLimit, PoseTable, RbfLayer,
     Segment, SkinWeights, Target,
@@ -18,6 +18,7 @@ use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
 use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::skeleton::{Bone, Hanging, Joint, Skeleton};
 use kitsuke::tailoring::{Check, DimensionRule, Level, Limit, Op, RuleSet, Side};
+use kitsuke::{Accessories, Garment};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
 /// Vertices around the small garment's tube.
@@ -97,6 +98,33 @@ pub fn small_garment_data() -> GarmentData {
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
         corrective_count: 0,
+    }
+}
+
+/// What comes with [`small_garment`]: a band round the sleeve, a texture of 3 x 2 pixels of which only the header is there, two paths.
+#[must_use]
+pub fn small_accessories() -> Accessories {
+    let garment = small_garment();
+    let data = garment.data();
+    let band = (2 * AROUND..4 * AROUND).map(|v| data.mesh.positions_m[v] * Vec3::new(1.0, 1.01, 1.01)).collect();
+    let next = |i: u32| (i + 1) % AROUND as u32;
+    let quad = |i: u32| [[i, next(i), i + AROUND as u32], [next(i), next(i) + AROUND as u32, i + AROUND as u32]];
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec();
+    png.extend([0, 0, 0, 3, 0, 0, 0, 2, 8, 2, 0, 0, 0]);
+    let path = |name: &str, ja: &str, vertices: Vec<u32>, offset_m| accessories::Path {
+        name: name.to_owned(),
+        ja: ja.to_owned(),
+        vertices,
+        offset_m,
+    };
+    Accessories {
+        body: "b04".to_owned(),
+        texture: accessories::Texture::from_png("komon.png".to_owned(), png),
+        obi: Some(Obi::over(&garment, band, (0..AROUND as u32).flat_map(quad).collect())),
+        paths: vec![
+            path("sode_haba", "袖幅", (0..RINGS as u32).map(|ring| ring * AROUND as u32).collect(), 0.0),
+            path("sode_guchi", "", vec![0, 1, 2], -0.01),
+        ],
     }
 }
 

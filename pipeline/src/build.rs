@@ -5,13 +5,14 @@ use crate::measure::audit::{self, Depth};
 use crate::measure::{certificate, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
 use crate::stages::{
-    StageError, compress, correctives, deltas, fit_data, hanging, kernel, reach, regions, skin, skin_fit, weld,
+    StageError, accessories, compress, correctives, deltas, fit_data, hanging, kernel, reach, regions, skin, skin_fit,
+    weld,
 };
 use glam::Vec3;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
-use kitsuke::pack::write::{write, write_with_fit};
+use kitsuke::pack::write::write_with;
 use kitsuke::skeleton::Bone;
 use rayon::prelude::*;
 
@@ -153,10 +154,9 @@ pub fn build_garment(
         Ok(fit)
     });
     let fit = fit.transpose()?;
-    let pack = match &fit {
-        Some(fit) => write_with_fit(&garment, fit).map_err(|error| StageError::new("weld", error.to_string()))?,
-        None => write(&garment),
-    };
+    let accessories = accessories::accessories(source, &garment);
+    let pack = write_with(&garment, &accessories, fit.as_ref());
+    let pack = pack.map_err(|error| StageError::new("write", error.to_string()))?;
     tell("write", None, Origin::Computed);
 
     // What the pack is worth.

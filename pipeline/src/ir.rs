@@ -2,6 +2,7 @@
 //! read; knows no file format.
 
 use glam::{Affine3A, Quat, Vec2, Vec3};
+use kitsuke::accessories::Texture;
 use kitsuke::arrays::PoseLimit;
 use kitsuke::fit::SizeBody;
 use kitsuke::skeleton::{Bone, Pose, Skeleton};
@@ -18,10 +19,14 @@ pub struct Garment {
     pub base: Surface,
     /// The wearer on whom base and targets were made.
     pub body: Body,
+    /// Her file's name, without its kind.
+    pub body_name: String,
     /// A rigid band worn over it (obi), for pictures and to know where the skirt begins.
     pub obi: Option<Surface>,
-    /// The base colour texture, PNG bytes as in the file.
-    pub texture_png: Option<Vec<u8>>,
+    /// The base colour texture, as in the file.
+    pub texture: Option<Texture>,
+    /// Whether the texture's image travels in the pack.
+    pub texture_in_pack: bool,
     /// The joints of the pose table.
     pub pose_bones: Vec<Bone>,
     /// The target shapes, in the order of the pose table.

@@ -72,6 +72,7 @@
 //!
 //! The crate opens no file, starts no thread and reads no clock.
 
+pub mod accessories;
 pub mod arrays;
 #[cfg(feature = "fit")]
 pub mod envelope_cholesky;
@@ -91,9 +92,12 @@ pub mod sparse_cholesky;
 #[cfg(feature = "fit")]
 pub mod tailoring;
 
+pub use accessories::Accessories;
 pub use arrays::InvalidGarment;
 pub use evaluate::{Frame, Scratch, evaluate, evaluate_with_rates};
 pub use garment::Garment;
+/// The vectors and rotations of this crate's interface.
+pub use glam;
 pub use pack::{OpenError, Pack};
 pub use pose_blend::Rates;
 pub use reach::Limited;

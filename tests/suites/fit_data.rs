@@ -1,10 +1,11 @@
 //! What a fit needs, in packs: exact round trips, hostile bytes, and the rules that it keeps.
 
 use glam::Vec2;
+use kitsuke::Accessories;
 use kitsuke::fit::{Dimension, Field, FitData, SizeBody};
 use kitsuke::garment::Garment;
 use kitsuke::measurement::{Measurement, Measurements};
-use kitsuke::pack::write::{write, write_with_fit};
+use kitsuke::pack::write::{write, write_with};
 use kitsuke::{OpenError, Pack};
 use kitsuke_tests::container::{Container, for_each_damage};
 use kitsuke_tests::random::{self, Numbers};
@@ -14,11 +15,15 @@ use proptest::prelude::*;
 #[test]
 fn the_small_fit_comes_back_exactly() {
     let (garment, fit) = (small_garment(), small_fit());
-    let pack = write_with_fit(&garment, &fit).unwrap();
+    let pack = write_with(&garment, &Accessories::default(), Some(&fit)).unwrap();
     let opened = Pack::open(&pack).unwrap();
     assert_eq!(opened.fit_data().unwrap().as_ref(), Some(&fit));
     assert_eq!(opened.garment().data(), garment.data());
-    assert_eq!(write_with_fit(&garment, &fit).unwrap(), pack, "the same fit gives the same bytes");
+    assert_eq!(
+        write_with(&garment, &Accessories::default(), Some(&fit)).unwrap(),
+        pack,
+        "the same fit gives the same bytes"
+    );
     assert_eq!(Pack::open(&write(&garment)).unwrap().fit_data(), Ok(None));
 }
 
@@ -64,7 +69,7 @@ proptest! {
         let garment = random::garment(seed);
         if garment.unique_count() > 1 {
             let fit = random_fit(&garment, &mut Numbers(seed));
-            let opened = Pack::open(&write_with_fit(&garment, &fit).unwrap()).unwrap();
+            let opened = Pack::open(&write_with(&garment, &Accessories::default(), Some(&fit)).unwrap()).unwrap();
             // Not with `prop_assert_eq!`, which would print both fits.
             prop_assert!(opened.fit_data().unwrap().as_ref() == Some(&fit));
         }
@@ -87,7 +92,7 @@ fn damages_that_fit(pack: &[u8]) -> usize {
 
 #[test]
 fn damage_gives_an_error_or_a_checked_fit() {
-    let pack = write_with_fit(&small_garment(), &small_fit()).unwrap();
+    let pack = write_with(&small_garment(), &Accessories::default(), Some(&small_fit())).unwrap();
     assert!(damages_that_fit(&pack) > 500, "damage must reach the fit, too");
     let uncompressed = Container::of(&pack).uncompressed().to_pack();
     assert!(damages_that_fit(&uncompressed) > 500, "damage must reach the fit, too");
@@ -95,7 +100,7 @@ fn damage_gives_an_error_or_a_checked_fit() {
 
 #[test]
 fn a_fit_that_lacks_a_section_is_refused() {
-    let pack = write_with_fit(&small_garment(), &small_fit()).unwrap();
+    let pack = write_with(&small_garment(), &Accessories::default(), Some(&small_fit())).unwrap();
     let without = |tag: &[u8; 4]| {
         let mut container = Container::of(&pack);
         container.sections.retain(|section| section.tag != *tag);
@@ -111,7 +116,7 @@ fn what_breaks_a_rule_is_named() {
     let refusal = |change: fn(&mut FitData)| {
         let mut fit = small_fit();
         change(&mut fit);
-        write_with_fit(&small_garment(), &fit).unwrap_err().to_string()
+        write_with(&small_garment(), &Accessories::default(), Some(&fit)).unwrap_err().to_string()
     };
     let refusals = [
         refusal(|fit| fit.bodies.truncate(1)),

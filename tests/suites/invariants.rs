@@ -89,7 +89,7 @@ fn rooms_stand_on_the_floors_below_them() {
         &["arrays", "tailoring", "sparse_cholesky"],
         &["plan", "pose_blend", "reach"],
         &["garment"],
-        &["evaluate", "fit"],
+        &["accessories", "evaluate", "fit"],
         &["pack"],
     ];
     let pipeline: &[&[&str]] = &[

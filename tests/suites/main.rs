@@ -1,5 +1,6 @@
 //! All suites, one binary.
 
+mod accessories;
 mod blending;
 mod bodies;
 mod build;

@@ -1,12 +1,12 @@
 //! Writing and opening packs: exact round trips, every version for ever, and hostile bytes.
 
 use glam::Vec3;
-use kitsuke::pack::write::{write, write_with_fit};
+use kitsuke::pack::write::{write, write_with};
 use kitsuke::pack::{ContentProblem, layout};
 use kitsuke::skeleton::Pose;
-use kitsuke::{Frame, OpenError, Pack, Scratch, evaluate};
+use kitsuke::{Accessories, Frame, OpenError, Pack, Scratch, evaluate};
 use kitsuke_tests::container::{Container, Section, for_each_damage};
-use kitsuke_tests::{random, small_fit, small_garment};
+use kitsuke_tests::{random, small_accessories, small_fit, small_garment};
 use proptest::prelude::*;
 use std::fs;
 use std::io::Write;
@@ -30,6 +30,19 @@ fn version_5_opens() {
     assert_eq!(pack.version(), (5, 0));
     assert_eq!(pack.garment().data(), small_garment().data());
     assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
+    assert_eq!(*pack.accessories(), Accessories::default());
+}
+
+/// The same with what comes with it, as version 5.1 writes it.
+const V5_1: &[u8] = include_bytes!("../packs/v5_1.kitsuke");
+
+#[test]
+fn version_5_1_opens() {
+    let pack = Pack::open(V5_1).unwrap();
+    assert_eq!(pack.version(), (5, 1));
+    assert_eq!(pack.garment().data(), small_garment().data());
+    assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
+    assert_eq!(*pack.accessories(), small_accessories());
 }
 
 #[test]
@@ -41,7 +54,7 @@ fn write_the_pack_of_this_version() {
         layout::MINOR
     ));
     let mut file = fs::File::create_new(file).expect("released packs are never written again");
-    file.write_all(&write_with_fit(&small_garment(), &small_fit()).unwrap()).unwrap();
+    file.write_all(&write_with(&small_garment(), &small_accessories(), Some(&small_fit())).unwrap()).unwrap();
 }
 
 #[test]

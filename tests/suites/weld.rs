@@ -1,12 +1,13 @@
 //! Sizes mixed part by part: what the fields promise, on the sample kimono as it is committed.
 
 use glam::Vec3;
+use kitsuke::Accessories;
 use kitsuke::Pack;
 use kitsuke::arrays::SkinWeights;
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
 use kitsuke::pack::layout::FLDS;
-use kitsuke::pack::write::write_with_fit;
+use kitsuke::pack::write::write_with;
 use kitsuke_pipeline::measure::weld_quality::{UNEVEN, measure, source_shape};
 use kitsuke_pipeline::stages::{compress, fit_data, weld};
 use kitsuke_pipeline::{ir, load};
@@ -72,7 +73,7 @@ fn a_part_alone_keeps_to_itself() {
 #[test]
 fn the_fields_of_the_sample_take_three_bits_a_number() {
     let (_, garment, fit) = &*SAMPLE;
-    let bytes = write_with_fit(garment, fit).unwrap();
+    let bytes = write_with(garment, &Accessories::default(), Some(fit)).unwrap();
     let pack = Pack::open(&bytes).unwrap();
     assert!(pack.fit_data().unwrap().as_ref() == Some(fit));
     let stored = pack.sections().iter().find(|section| section.tag == FLDS).unwrap().stored_length;

@@ -4,6 +4,7 @@ use crate::places::printed;
 use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
+use kitsuke::accessories::{Accessories, Texture};
 use kitsuke::arrays::{Certificate, GarmentData, LeftOut, RbfLayer};
 use kitsuke::arrays::{ChainJoint, Rbf};
 use kitsuke::pack::layout::MAGIC;
@@ -76,6 +77,7 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
     line!(text, "pack", "{} \"{}\", format {major}.{minor}, {bytes} bytes", data.id, data.name);
     let (unique, twins) = (garment.unique_count(), data.mesh.twin_of.len());
     line!(text, "mesh", "{unique} vertices, {twins} seam twins, {} triangles", garment.triangle_count());
+    text.push_str(&accessories_text(pack));
     text.push_str("\nsection       stored   unpacked  ratio\n");
     for section in pack.sections() {
         let ratio = section.unpacked_length as f64 / section.stored_length.max(1) as f64;
@@ -121,6 +123,26 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
     }
     let bones: Vec<&str> = data.skeleton.joints().iter().map(|joint| joint.bone.name()).collect();
     line!(text, "\nbones", "{}: {}", bones.len(), bones.join(", "));
+    text
+}
+
+fn accessories_text(pack: &Pack) -> String {
+    let Accessories { body, texture, obi, paths } = pack.accessories();
+    let mut text = String::new();
+    if !body.is_empty() {
+        line!(text, "made on", "{body}");
+    }
+    if let Some(Texture { name, size_px: [width, height], png }) = texture {
+        let place = if png.is_empty() { "not in the pack".to_owned() } else { format!("{} bytes", png.len()) };
+        line!(text, "texture", "{name}, {width} x {height} pixels, {place}");
+    }
+    if let Some(obi) = obi {
+        line!(text, "obi", "{} vertices, {} triangles", obi.positions_m.len(), obi.triangles.len());
+    }
+    for path in paths {
+        let length_cm = path.length_m(&pack.garment().data().mesh.positions_m) * 100.0;
+        line!(text, "path", "{:<24} {length_cm:>7.2} cm  {}", path.name, path.ja);
+    }
     text
 }
 

@@ -28,6 +28,8 @@ use crate::source::tables::PoseRow;
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, is_garment_id, rules};
 use glam::{DVec3, Vec3};
+use kitsuke::accessories::Texture;
+use kitsuke::accessories::limits::TEXTURE_BYTES;
 use kitsuke::arrays::limits;
 use kitsuke::fit;
 use std::collections::BTreeSet;
@@ -142,6 +144,13 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         fitted = Some(ir::Sizes { bodies, shapes });
     }
     check_rules(&manifest, &manifest_file, report);
+    let texture_in_pack = value(&manifest.texture_in_pack).is_none_or(|is_in_pack| *is_in_pack);
+    let texture = texture_png.zip(manifest.texture.as_ref()).and_then(|(png, field)| {
+        if texture_in_pack && png.len() > TEXTURE_BYTES {
+            report.push(too_large_for_pack(png.len(), &manifest_file, field.place()));
+        }
+        Texture::from_png(file_name(value(&manifest.texture)?).to_owned(), png)
+    });
     if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return None;
     }
@@ -154,7 +163,9 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         base,
         body: body?,
         obi,
-        texture_png,
+        texture,
+        texture_in_pack,
+        body_name: file_name(value(&manifest.body)?).rsplit_once('.').map_or("", |(name, _)| name).to_owned(),
         pose_bones,
         targets,
         drivers,
@@ -169,6 +180,17 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         unseen_budget_m: metres(&manifest.unseen_budget),
         inside_budget_m: metres(&manifest.inside_budget),
     })
+}
+
+/// The last part of a path of the manifest.
+fn file_name(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path)
+}
+
+fn too_large_for_pack(bytes: usize, manifest_file: &str, place: Place) -> Diagnostic {
+    Diagnostic::error("texture-bytes", manifest_file, place)
+        .problem(format!("the texture has {} MB; at most {} MB travel in a pack", bytes >> 20, TEXTURE_BYTES >> 20))
+        .help("Save it with fewer pixels, or write texture_in_pack = false and let the app bring it.")
 }
 
 /// The value of a key that is there and right.

@@ -7,6 +7,8 @@ use crate::look::texture::Texture;
 use glam::{Mat3, Vec2, Vec3};
 use image::RgbImage;
 use kitsuke::Garment;
+use kitsuke::accessories::Obi;
+use kitsuke::arrays::SkinWeights;
 
 const BACKGROUND: [u8; 3] = [236; 3];
 const CLOTH: [u8; 3] = [176, 178, 184];
@@ -82,7 +84,7 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn new(garment: &'a Garment, source: Option<&'a ir::Garment>) -> Scene<'a> {
         let texture =
-            source.and_then(|source| source.texture_png.as_deref()).and_then(|png| Texture::from_png(png).ok());
+            source.and_then(|source| source.texture.as_ref()).and_then(|texture| Texture::from_png(&texture.png).ok());
         let texture = texture.filter(|_| garment.data().mesh.uv.len() == garment.vertex_count());
         let body = source.map(|source| Skinned::new(source.body.clone(), SKIN));
         let obi = source.and_then(|source| source.obi.as_ref()).map(|obi| worn_over(garment, obi));
@@ -293,15 +295,10 @@ impl View {
 
 /// A band that moves with the cloth under it.
 fn worn_over(garment: &Garment, band: &ir::Surface) -> Skinned {
-    let data = garment.data();
-    let weights_under = |p: &Vec3| {
-        let distance = |v: &usize| data.mesh.positions_m[*v].distance_squared(*p);
-        let nearest = (0..garment.unique_count()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let skin = nearest.map(|v| data.skin[v]).unwrap_or_default();
-        std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0))
-    };
-    let skin = band.positions_m.iter().map(weights_under).collect();
-    Skinned::new(ir::Body { surface: band.clone(), skeleton: data.skeleton.clone(), skin }, OBI)
+    let obi = Obi::over(garment, band.positions_m.clone(), band.triangles.clone());
+    let weights = |skin: &SkinWeights| std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0));
+    let skin = obi.skin.iter().map(weights).collect();
+    Skinned::new(ir::Body { surface: band.clone(), skeleton: garment.data().skeleton.clone(), skin }, OBI)
 }
 
 /// A colour of its own for every small number.

@@ -6,6 +6,7 @@ use crate::look::frames::in_source_order;
 use crate::stages::posed_body::PosedBody;
 use glam::Vec3;
 use kitsuke::Garment;
+use kitsuke::accessories::gone_with;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 use rayon::prelude::*;
 
@@ -189,22 +190,4 @@ fn near_skin(source: &ir::Garment, fitted_m: &[Vec3], body: &ir::Body) -> Result
 fn moved_with(band: &ir::Surface, from_m: &[Vec3], to_m: &[Vec3]) -> ir::Surface {
     let positions_m = band.positions_m.par_iter().map(|place_m| gone_with(*place_m, from_m, to_m)).collect();
     ir::Surface { positions_m, ..band.clone() }
-}
-
-/// Where a place has gone with what is nearest to it, smoothed so that no fold shows.
-fn gone_with(place_m: Vec3, from_m: &[Vec3], to_m: &[Vec3]) -> Vec3 {
-    /// About the width of a fold.
-    const SMOOTH_M: f32 = 0.02;
-    let nearest_m = from_m.iter().map(|from_m| from_m.distance(place_m)).fold(f32::INFINITY, f32::min);
-    let (mut sum_m, mut weights) = (Vec3::ZERO, 0.0);
-    for (from_m, to_m) in from_m.iter().zip(to_m) {
-        // Measured from the nearest, so that what is far from everything goes with something.
-        let away = (from_m.distance(place_m) - nearest_m) / SMOOTH_M;
-        if away < 4.0 {
-            let weight = libm::expf(-away * away);
-            sum_m += weight * (to_m - from_m);
-            weights += weight;
-        }
-    }
-    place_m + sum_m / weights
 }

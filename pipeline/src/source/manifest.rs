@@ -48,6 +48,8 @@ pub struct Manifest {
     pub base: Option<Field<String>>,
     /// The colour texture, a PNG file.
     pub texture: Option<Field<String>>,
+    /// Whether the texture travels in the pack; `true` unless given. `false` where apps bring it in another way.
+    pub texture_in_pack: Option<Field<bool>>,
     /// The obi as a band of its own, an OBJ file.
     pub obi: Option<Field<String>>,
     /// The body on which base and targets were made, a GLB file with skeleton and skin weights.
@@ -291,6 +293,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         correctives,
         base,
         texture,
+        texture_in_pack,
         obi,
         body,
         poses,
@@ -311,6 +314,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         .into_iter()
         .flatten()
         .for_each(|field| report_wrong(file, field, report));
+    texture_in_pack.iter().for_each(|field| report_wrong(file, field, report));
     correctives.iter().for_each(|field| report_wrong(file, field, report));
     regions.iter().for_each(|field| report_wrong(file, field, report));
     for DriverEntry { name, joints, threshold, group, mask } in drivers {

@@ -2,6 +2,7 @@
 
 use crate::ir;
 use glam::Vec2;
+use kitsuke::arrays::Mesh;
 use kitsuke::fit::{Dimension, Field, FitData};
 use kitsuke::garment::Garment;
 
@@ -18,10 +19,7 @@ pub fn step_m(source: &ir::Garment) -> f32 {
 #[must_use]
 pub fn fit_data(source: &ir::Garment, sizes: &ir::Sizes, steps: &[[i16; 3]], garment: &Garment) -> FitData {
     let mesh = &garment.data().mesh;
-    let mut packed_from_source = vec![0; mesh.source_vertex.len()];
-    for (packed, &source) in mesh.source_vertex.iter().enumerate() {
-        packed_from_source[source as usize] = packed as u32;
-    }
+    let packed_from_source = packed_from_source(mesh);
     let dimension = |path: &ir::MeasuredPath| {
         Some(Dimension {
             name: path.name.clone(),
@@ -44,6 +42,16 @@ pub fn fit_data(source: &ir::Garment, sizes: &ir::Sizes, steps: &[[i16; 3]], gar
         uv: uv(&source.base, sizes, garment),
         rules: source.rules.clone(),
     }
+}
+
+/// For each base vertex its number in the pack.
+#[must_use]
+pub fn packed_from_source(mesh: &Mesh) -> Vec<u32> {
+    let mut packed_from_source = vec![0; mesh.source_vertex.len()];
+    for (packed, &source) in mesh.source_vertex.iter().enumerate() {
+        packed_from_source[source as usize] = packed as u32;
+    }
+    packed_from_source
 }
 
 /// Each size's texture coordinates at the pack's vertices.

@@ -1,6 +1,7 @@
 //! Ir → Pack, one file per stage: plain functions from what a stage needs to what it makes. No files, no globals, no prints;
 //! settings stand beside their stage.
 
+pub mod accessories;
 pub mod compress;
 pub mod correctives;
 pub mod deltas;

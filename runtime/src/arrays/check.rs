@@ -531,7 +531,7 @@ fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> 
     Ok(())
 }
 
-fn is_name(text: &str) -> bool {
+pub(crate) fn is_name(text: &str) -> bool {
     (1..=limits::NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control)
 }
 

@@ -4,7 +4,7 @@
 mod check;
 
 pub use check::InvalidGarment;
-pub(crate) use check::{check_count, check_length};
+pub(crate) use check::{check_count, check_length, is_name};
 
 use crate::skeleton::{Bone, Pose, Skeleton};
 use glam::{DVec3, Quat, Vec2, Vec3};

@@ -27,12 +27,12 @@ use std::mem::size_of_val;
 const BLOCK: usize = 512;
 const FLOATS: usize = 3 * BLOCK;
 
-/// The caller's buffers for one frame, both [`Garment::vertex_count`] long: they can go to a GPU as they are.
+/// The caller's buffers for one frame, [`Garment::vertex_count`] long: they can go to a GPU as they are.
 #[derive(Debug)]
 pub struct Frame<'a> {
     /// Posed positions, metres.
     pub positions_m: &'a mut [Vec3],
-    /// Unit normals, outward.
+    /// Unit normals, outward; empty where none are wanted, which saves a quarter of the frame.
     pub normals: &'a mut [Vec3],
 }
 
@@ -90,10 +90,14 @@ pub fn evaluate_with_rates(garment: &Garment, pose: &Pose, rates: &Rates, scratc
 
 fn evaluate_sanitised(garment: &Garment, pose: &Pose, rates: &Rates, scratch: &mut Scratch, frame: Frame<'_>) {
     assert_eq!(frame.positions_m.len(), garment.vertex_count(), "one position per vertex");
-    assert_eq!(frame.normals.len(), garment.vertex_count(), "one normal per vertex");
+    if !frame.normals.is_empty() {
+        assert_eq!(frame.normals.len(), garment.vertex_count(), "one normal per vertex, or none");
+    }
     blend(garment, rates, scratch);
     skin(garment, pose, scratch, frame.positions_m);
-    normals(garment, frame.positions_m, scratch, frame.normals);
+    if !frame.normals.is_empty() {
+        normals(garment, frame.positions_m, scratch, frame.normals);
+    }
     twins(garment, frame);
 }
 
@@ -117,7 +121,7 @@ pub fn twins(garment: &Garment, frame: Frame<'_>) {
     for (twin, &original) in twins.iter_mut().zip(&mesh.twin_of) {
         *twin = originals[original as usize];
     }
-    let (originals, twins) = frame.normals.split_at_mut(unique);
+    let (originals, twins) = frame.normals.split_at_mut(unique.min(frame.normals.len()));
     for (twin, &original) in twins.iter_mut().zip(&mesh.twin_of) {
         *twin = originals[original as usize];
     }

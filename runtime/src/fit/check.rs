@@ -1,7 +1,7 @@
 //! The one validation of [`FitData`], for those who write packs and those who read them. Knows no bytes.
 
 use super::{Dimension, Field, FitData, SizeBody};
-use crate::arrays::{InvalidGarment, check_count, check_length, limits as garment_limits};
+use crate::arrays::{InvalidGarment, check_count, check_length, is_name, limits as garment_limits};
 use crate::garment::Garment;
 use crate::measurement::Measurement;
 use crate::tailoring::InvalidRules;
@@ -163,10 +163,6 @@ fn check_field(index: usize, field: &Field, garment: &Garment) -> Result<(), Inv
         return Err(InvalidFit::Step(index));
     }
     Ok(check_length("deltas of a field", field.deltas.len(), garment.unique_count())?)
-}
-
-fn is_name(name: &str) -> bool {
-    (1..=garment_limits::NAME_BYTES).contains(&name.len()) && !name.chars().any(char::is_control)
 }
 
 fn distinct<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> Result<(), InvalidFit> {

@@ -46,6 +46,13 @@ impl<'a> Reader<'a> {
         self.at
     }
 
+    /// What has not been read.
+    pub(super) fn rest(&mut self) -> &'a [u8] {
+        let rest = &self.bytes[self.at..];
+        self.at = self.bytes.len();
+        rest
+    }
+
     /// Everything must have been read.
     pub(super) fn finish(&self) -> Result<(), ContentProblem> {
         match self.bytes.len() - self.at {

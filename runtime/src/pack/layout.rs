@@ -1,4 +1,4 @@
-//! The format of a pack, version 5.0. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 5.1. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -53,10 +53,13 @@
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
 //! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
+//! | `ACCS` | optional, since 5.1: `text` body; `flag` has a texture, and if so, `text` name, `u32` width and height; `flag` has an obi, and if so, as `u32` its vertices n and triangles m, x, y, z of the positions, `floats(n)`, corners of the triangles, `column(3 m)` of `u32`, skin weights as in `SKIN`; `u32` path count, per path: `text` name and kanji, `f32` offset, `u32` count, `column` of `u32` vertices |
+//! | `TXTR` | optional, since 5.1, with a texture in `ACCS`: its image, a PNG file |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
 //! on both sides.
 
+pub(super) mod accessories;
 #[cfg(feature = "fit")]
 pub(super) mod fit;
 
@@ -80,7 +83,7 @@ pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
 pub const MAJOR: u16 = 5;
 /// Grows when sections are added that older readers may skip.
-pub const MINOR: u16 = 0;
+pub const MINOR: u16 = 1;
 /// Bytes before the section table.
 pub const HEADER_BYTES: usize = 20;
 /// Bytes of an entry of the section table.
@@ -134,10 +137,14 @@ pub const FITS: Tag = Tag(*b"FITS");
 pub const FLDS: Tag = Tag(*b"FLDS");
 /// Texture coordinates of the sizes.
 pub const SZUV: Tag = Tag(*b"SZUV");
+/// What comes with the kimono.
+pub const ACCS: Tag = Tag(*b"ACCS");
+/// The texture's image.
+pub const TXTR: Tag = Tag(*b"TXTR");
 /// The sections that every pack has.
 pub const REQUIRED: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
 /// The sections that a pack may have.
-pub const OPTIONAL: [Tag; 3] = [FITS, FLDS, SZUV];
+pub const OPTIONAL: [Tag; 5] = [FITS, FLDS, SZUV, ACCS, TXTR];
 
 /// Whether this version has such a section.
 #[must_use]

@@ -10,6 +10,7 @@ mod residuals;
 #[cfg(feature = "write")]
 pub mod write;
 
+use crate::accessories::{Accessories, InvalidAccessories};
 use crate::arrays::{GarmentData, InvalidGarment, limits};
 #[cfg(feature = "fit")]
 use crate::fit::{FitData, InvalidFit};
@@ -27,6 +28,7 @@ pub struct Pack {
     version: (u16, u16),
     sections: Vec<SectionInfo>,
     garment: Garment,
+    accessories: Accessories,
     /// The sections of a fit as they are stored.
     #[cfg(feature = "fit")]
     fit: Vec<(SectionInfo, Vec<u8>)>,
@@ -71,10 +73,13 @@ impl Pack {
         let mut sections = check_sections(bytes, version, &entries)?;
         let limit = decoded_bytes.min(EXPANSION.saturating_mul(bytes.len()));
         let allowed = check_decoded_length(&sections, limit)?;
-        let data = read_garment(bytes, &mut sections, allowed)?;
+        let mut sections_read = Sections { bytes, sections: &mut sections, allowed };
+        let garment = Garment::new(read_garment(&mut sections_read)?)?;
+        let accessories = read_accessories(&mut sections_read, &garment)?;
         Ok(Pack {
             version,
-            garment: Garment::new(data)?,
+            garment,
+            accessories,
             #[cfg(feature = "fit")]
             fit: stored_fit(bytes, &sections),
             sections,
@@ -109,6 +114,12 @@ impl Pack {
     #[must_use]
     pub fn garment(&self) -> &Garment {
         &self.garment
+    }
+
+    /// What comes with the garment: obi, texture, measured paths; empty in packs that were written without.
+    #[must_use]
+    pub fn accessories(&self) -> &Accessories {
+        &self.accessories
     }
 
     /// The garment, without the rest.
@@ -195,6 +206,9 @@ pub enum OpenError {
     /// The garment breaks a rule.
     #[error(transparent)]
     Garment(#[from] InvalidGarment),
+    /// What comes with it breaks a rule.
+    #[error(transparent)]
+    Accessories(#[from] InvalidAccessories),
     /// What fitting needs breaks a rule.
     #[cfg(feature = "fit")]
     #[error(transparent)]
@@ -356,10 +370,8 @@ fn check_decoded_length(sections: &[SectionInfo], limit: usize) -> Result<usize,
     limit.checked_sub(decoded).ok_or(OpenError::DecodedLength { decoded, limit })
 }
 
-/// Decodes the sections one after the other, so that only one of them is in memory beside the garment. Coded arrays may
-/// decode to `allowed` bytes.
-fn read_garment(bytes: &[u8], sections: &mut [SectionInfo], allowed: usize) -> Result<GarmentData, OpenError> {
-    let mut sections = Sections { bytes, sections, allowed };
+/// Decodes the sections one after the other, so that only one of them is in memory beside the garment.
+fn read_garment(sections: &mut Sections<'_>) -> Result<GarmentData, OpenError> {
     let info = sections.read(layout::INFO, layout::read_info)?;
     let skeleton = sections.read(layout::SKEL, layout::read_skeleton)?;
     let mesh = sections.read(layout::MESH, |from| layout::read_mesh(&info, from))?;
@@ -387,6 +399,20 @@ fn read_garment(bytes: &[u8], sections: &mut [SectionInfo], allowed: usize) -> R
     })
 }
 
+/// Decodes and checks what comes with the garment, where the pack has it.
+fn read_accessories(sections: &mut Sections<'_>, garment: &Garment) -> Result<Accessories, OpenError> {
+    let mut accessories = match sections.has(layout::ACCS) {
+        true => sections.read(layout::ACCS, layout::accessories::read_accessories)?,
+        false => Accessories::default(),
+    };
+    if sections.has(layout::TXTR) {
+        let png = sections.read(layout::TXTR, |from| Ok(from.rest().to_vec()))?;
+        accessories.texture.as_mut().ok_or(OpenError::Missing(layout::ACCS))?.png = png;
+    }
+    accessories.check(garment)?;
+    Ok(accessories)
+}
+
 /// The sections of a pack whose table has been checked.
 struct Sections<'a> {
     bytes: &'a [u8],
@@ -396,6 +422,10 @@ struct Sections<'a> {
 }
 
 impl Sections<'_> {
+    fn has(&self, tag: Tag) -> bool {
+        self.sections.iter().any(|section| section.tag == tag)
+    }
+
     fn read<T>(
         &mut self,
         tag: Tag,

@@ -3,6 +3,8 @@
 use super::codec::{Encoding, Writer, encode};
 use super::layout::{self, Entry, Tag};
 #[cfg(feature = "fit")]
+use crate::accessories::{Accessories, InvalidAccessories};
+#[cfg(feature = "fit")]
 use crate::fit::{FitData, InvalidFit};
 use crate::garment::Garment;
 
@@ -21,23 +23,45 @@ pub fn write(garment: &Garment) -> Vec<u8> {
     pack(&garment_sections(garment))
 }
 
-/// The garment with what fitting it needs, which [`Pack::fit_data`](super::Pack::fit_data) gives back exactly.
+/// The garment with what comes with it and, where it has sizes, what fitting it needs;
+/// [`Pack::accessories`](super::Pack::accessories) and [`Pack::fit_data`](super::Pack::fit_data) give them back exactly.
 ///
 /// # Errors
-/// When the fit is not that of the garment, or breaks another rule.
+/// When one of them is not that of the garment, or breaks another rule.
 ///
 /// # Panics
 /// As [`write()`].
 #[cfg(feature = "fit")]
-pub fn write_with_fit(garment: &Garment, fit: &FitData) -> Result<Vec<u8>, InvalidFit> {
-    fit.check(garment)?;
+pub fn write_with(garment: &Garment, accessories: &Accessories, fit: Option<&FitData>) -> Result<Vec<u8>, Invalid> {
+    accessories.check(garment)?;
     let mut sections = garment_sections(garment);
-    sections.push(section(layout::FITS, |to| layout::fit::write_fit(fit, to)));
-    sections.push(section(layout::FLDS, |to| layout::fit::write_fields(garment, fit, to)));
-    if !fit.uv.is_empty() {
-        sections.push(section(layout::SZUV, |to| layout::fit::write_uv(garment, &fit.uv, to)));
+    if *accessories != Accessories::default() {
+        sections.push(section(layout::ACCS, |to| layout::accessories::write_accessories(accessories, to)));
+    }
+    if let Some(texture) = accessories.texture.as_ref().filter(|texture| !texture.png.is_empty()) {
+        sections.push(section(layout::TXTR, |to| to.take(&texture.png)));
+    }
+    if let Some(fit) = fit {
+        fit.check(garment)?;
+        sections.push(section(layout::FITS, |to| layout::fit::write_fit(fit, to)));
+        sections.push(section(layout::FLDS, |to| layout::fit::write_fields(garment, fit, to)));
+        if !fit.uv.is_empty() {
+            sections.push(section(layout::SZUV, |to| layout::fit::write_uv(garment, &fit.uv, to)));
+        }
     }
     Ok(pack(&sections))
+}
+
+/// Why something cannot be written with a garment.
+#[cfg(feature = "fit")]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Invalid {
+    /// What comes with it breaks a rule.
+    #[error(transparent)]
+    Accessories(#[from] InvalidAccessories),
+    /// What fitting needs breaks a rule.
+    #[error(transparent)]
+    Fit(#[from] InvalidFit),
 }
 
 /// Tag, decoded length and stored bytes of a section.
