@@ -5,6 +5,7 @@ mod blending;
 mod bodies;
 mod build;
 mod covered;
+mod doors;
 mod fit;
 mod fit_data;
 mod frame;

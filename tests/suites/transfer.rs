@@ -3,12 +3,11 @@
 use glam::{Mat3, Quat, Vec3};
 use kitsuke::Pack;
 use kitsuke::arrays::{InvalidGarment, Target};
-use kitsuke::fit::{FitData, FitError, Fitter, Transfer};
+use kitsuke::fit::{FitData, FitError, Tailor, TailorError, Transfer};
 use kitsuke::garment::Garment;
 use kitsuke::measurement::{Measurement, Measurements};
 use kitsuke::skeleton::{Bone, Pose};
 use kitsuke_pipeline::build_garment;
-use kitsuke_pipeline::look::fitted::{FittedError, fitted};
 use kitsuke_pipeline::look::frames::{Blend, Shot, Stage};
 use kitsuke_pipeline::memo::Memo;
 use kitsuke_tests::{AROUND, small_fit, small_garment, small_garment_data};
@@ -99,12 +98,13 @@ fn a_wearer_gets_a_kimono_that_moves() {
     let built = build_garment(&source, &Memo::new(cache.path()), &|_| ()).unwrap();
     let pack = Pack::open(&built.pack).unwrap();
     let garment = pack.garment();
-    let fitter = Fitter::new(garment, pack.fit_data().unwrap().unwrap()).unwrap();
+    let tailor = Tailor::new(garment, pack.fit_data().unwrap().unwrap()).unwrap();
+    let fitter = tailor.fitter();
     assert_eq!(fitter.data().rules, source.rules, "the pack alone says how long a kimono should be");
     assert_eq!(fitter.data().rules[0].name, "plain");
 
     let (body, size) = (&fitter.data().bodies[2], &source.sizes.as_ref().unwrap().shapes[1]);
-    let tall = fitted(garment, &fitter, &body.measurements, 0).unwrap().garment;
+    let tall = tailor.fitted(garment, &body.measurements, 0).unwrap().garment;
     let (mesh, base) = (&tall.data().mesh, &garment.data().mesh);
     for (v, (place_m, &source)) in mesh.positions_m.iter().zip(&mesh.source_vertex).enumerate() {
         let error_m = place_m.distance(size.positions_m[source as usize]);
@@ -131,6 +131,6 @@ fn a_wearer_gets_a_kimono_that_moves() {
     assert!((ratio - 1.1).abs() < 0.05, "{ratio}");
 
     let unknown = Measurements::default().with(Measurement::BustGirth, 0.9);
-    let error = fitted(garment, &fitter, &unknown, 0).unwrap_err();
-    assert!(matches!(error, FittedError::Fit(FitError::Rules(_))), "{error}");
+    let error = tailor.fitted(garment, &unknown, 0).unwrap_err();
+    assert!(matches!(error, TailorError::Fit(FitError::Rules(_))), "{error}");
 }

@@ -2,11 +2,10 @@
 
 use glam::{Quat, Vec3};
 use kitsuke::Pack;
-use kitsuke::fit::Fitter;
+use kitsuke::fit::Tailor;
 use kitsuke::garment::Garment;
 use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton};
 use kitsuke_pipeline::ir::{self, WearerBody};
-use kitsuke_pipeline::look::fitted::fitted;
 use kitsuke_pipeline::look::frames::own_poses;
 use kitsuke_pipeline::measure::audit::{deepest, pose_depths};
 use kitsuke_pipeline::measure::skirt::Legs;
@@ -28,9 +27,9 @@ fn built(folder: &str) -> (ir::Garment, Pack) {
 /// The kimono for the body at this place among its sizes' bodies, and where that body's joints are.
 fn fitted_to(pack: &Pack, body: usize) -> (Garment, Vec<Vec3>) {
     let garment = pack.garment();
-    let fitter = Fitter::new(garment, pack.fit_data().unwrap().unwrap()).unwrap();
-    let body = &fitter.data().bodies[body];
-    (fitted(garment, &fitter, &body.measurements, 0).unwrap().garment, body.joints_m.clone())
+    let tailor = Tailor::new(garment, pack.fit_data().unwrap().unwrap()).unwrap();
+    let body = &tailor.fitter().data().bodies[body];
+    (tailor.fitted(garment, &body.measurements, 0).unwrap().garment, body.joints_m.clone())
 }
 
 fn with_joints(skeleton: &Skeleton, place: impl Fn(usize, &Joint) -> Vec3) -> Skeleton {

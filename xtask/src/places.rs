@@ -1,7 +1,7 @@
 //! Where packs, sources and outputs lie, and how a verb ends: what the verbs that show and measure share.
 
 use kitsuke::Pack;
-use kitsuke::fit::Fitter;
+use kitsuke::fit::{FitData, Fitter};
 use kitsuke_pipeline::catalog::CatalogError;
 use kitsuke_pipeline::{catalog, ir};
 use std::fs;
@@ -37,13 +37,15 @@ impl Places {
 
     /// What fits an open pack's kimono, by the rule sets of the pack.
     pub fn fitter(&self, pack: &Pack) -> Result<Fitter, String> {
+        Fitter::new(pack.garment(), self.fit_data(pack)?).map_err(|error| error.to_string())
+    }
+
+    /// The sizes of an open pack's kimono.
+    pub fn fit_data(&self, pack: &Pack) -> Result<FitData, String> {
         let data = pack.fit_data().map_err(|error| error.to_string())?;
-        let Some(data) = data else {
-            return Err(
-                "this kimono has no sizes, so it cannot be fitted: give it a size table (garment.toml, sizes)".into()
-            );
-        };
-        Fitter::new(pack.garment(), data).map_err(|error| error.to_string())
+        data.ok_or_else(|| {
+            "this kimono has no sizes, so it cannot be fitted: give it a size table (garment.toml, sizes)".into()
+        })
     }
 
     /// The path and the bytes of the pack of an ID, or of the pack at a path.

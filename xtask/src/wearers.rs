@@ -3,10 +3,9 @@
 use crate::fit::rule_set;
 use crate::places::Places;
 use crate::tailor::or_print;
-use kitsuke::fit::Verdict;
+use kitsuke::fit::{Fitted, Tailor, Verdict};
 use kitsuke::{Garment, Pack};
 use kitsuke_pipeline::ir;
-use kitsuke_pipeline::look::fitted::{Fitted, fitted};
 use kitsuke_pipeline::measure::wearer::worn;
 use kitsuke_pipeline::source::body as body_file;
 use kitsuke_pipeline::source::folder::{FILE_BYTES, read_at_most};
@@ -76,13 +75,15 @@ pub fn load(named: &str) -> Result<Vec<measurements::Wearer>, String> {
 
 /// The kimono for the one body that `FILE#N` names, by this rule set or its own; says on the error stream what is out of the ordinary.
 pub fn fitted_to(places: &Places, pack: &Pack, body: &str, rules: Option<&str>) -> Result<Fitted, String> {
-    let fitter = places.fitter(pack)?;
-    let rules = rule_set(&fitter, rules)?;
+    let tailor = Tailor::new(pack.garment(), places.fit_data(pack)?).map_err(|error| error.to_string())?;
+    let fitter = tailor.fitter();
+    let rules = rule_set(fitter, rules)?;
     let wearers = load(body)?;
     let [wearer] = &wearers[..] else {
         return Err(format!("{body} has {} bodies; say which is meant, for example {body}#1", wearers.len()));
     };
-    let fitted = fitted(pack.garment(), &fitter, &wearer.measurements, rules)
+    let fitted = tailor
+        .fitted(pack.garment(), &wearer.measurements, rules)
         .map_err(|error| format!("row {}, {}: {error}", wearer.row, wearer.name))?;
     if fitted.fit.verdict != Verdict::Reachable {
         eprintln!("note: {}: {}", wearer.name, fitter.explain(&fitted.fit, &wearer.measurements));

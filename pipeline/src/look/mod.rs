@@ -1,6 +1,5 @@
 //! What people look at: frames as files, and pictures by an own deterministic rasteriser.
 
-pub mod fitted;
 pub mod frames;
 pub mod raster;
 pub mod scene;

@@ -9,6 +9,7 @@ mod paths;
 mod range;
 mod soften;
 mod solve;
+mod tailor;
 pub mod texture;
 mod transfer;
 
@@ -16,6 +17,7 @@ pub use check::{InvalidFit, limits};
 pub use fitter::{
     EXTRAPOLATION, FAR_M, Fit, FitError, Fitter, NEAR_M, RIDGE_M, Reach, SAMPLES, Scratch, TOLERANCE, Verdict,
 };
+pub use tailor::{Fitted, Tailor, TailorError};
 pub use transfer::Transfer;
 
 use crate::measurement::Measurements;

@@ -2,7 +2,7 @@
 
 use super::filter::{Filter, FilterState};
 use super::tracked::Tracked;
-use super::{Skeleton, bvh, deepmimic, jsonl, kinect, mediapipe, vrma};
+use super::{Pose, Skeleton, bvh, deepmimic, jsonl, kinect, mediapipe, vrma};
 
 /// Poses of one wearer over time.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,6 +213,26 @@ impl Recording {
         };
         let frames = self.times_s.iter().zip(&self.frames).map(frame).collect();
         Recording { frames, ..self.clone() }
+    }
+
+    /// The pose at a time, seconds from the first frame: before it and after the last one these, between two frames every rotation the
+    /// shorter way.
+    #[must_use]
+    pub fn pose_at(&self, time_s: f64) -> Pose {
+        let after = self.times_s.partition_point(|&frame_s| frame_s <= time_s);
+        let [before, after] = [after.saturating_sub(1), after.min(self.frames.len() - 1)];
+        let [before_s, after_s] = [self.times_s[before], self.times_s[after]];
+        let [before, after] = [&self.frames[before].pose, &self.frames[after].pose];
+        if after_s <= before_s {
+            return before.clone();
+        }
+        let share = ((time_s - before_s) / (after_s - before_s)) as f32;
+        let mut pose = before.clone();
+        for (rotation, &after) in pose.rotations.iter_mut().zip(&after.rotations) {
+            *rotation = rotation.slerp(after, share);
+        }
+        pose.hips_translation_m = before.hips_translation_m.lerp(after.hips_translation_m, share);
+        pose
     }
 }
 
