@@ -14,6 +14,7 @@ mod leave_one_out;
 mod new;
 mod places;
 mod play;
+mod pose_rows;
 mod preview;
 mod replay;
 mod schema;
@@ -45,6 +46,7 @@ enum Verb {
     LeaveOneOut(leave_one_out::Args),
     New(new::Args),
     Play(play::Args),
+    PoseRows(pose_rows::Args),
     Preview(preview::Args),
     Replay(replay::Args),
     Schema(schema::Args),
@@ -70,6 +72,7 @@ fn main() -> ExitCode {
         Verb::LeaveOneOut(args) => leave_one_out::run(args),
         Verb::New(args) => new::run(args),
         Verb::Play(args) => play::run(args),
+        Verb::PoseRows(args) => pose_rows::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Replay(args) => replay::run(args),
         Verb::Schema(args) => schema::run(args),

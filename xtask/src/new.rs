@@ -1,6 +1,7 @@
 //! `cargo xtask new`: a kimono folder from `assets-src/_template` and the given shapes.
 
 use crate::places::in_workspace;
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,8 +13,11 @@ const MANIFEST: &str = include_str!("../../assets-src/_template/garment.toml");
 const POSES: &str = include_str!("../../assets-src/_template/poses.csv");
 
 /// The body that the template names, and where it lies.
-const BODY: &str = "bodies/b04.glb";
+pub const BODY: &str = "bodies/b04.glb";
 const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets-src");
+
+/// Longest name, bytes: some systems take no longer file names than 255, and the names of poses get a number and an ending.
+const NAME_BYTES: usize = 200;
 
 /// Make a kimono folder from the template, from given OBJ files
 #[derive(clap::Args)]
@@ -85,12 +89,13 @@ fn fill(folder: &Path, args: &Args) -> io::Result<()> {
     }
     fs::write(folder.join("garment.toml"), MANIFEST.replace("{name}", &args.id))?;
     let mut poses = POSES.to_owned();
+    let mut names = Names::taken(POSES.lines().skip(1).filter_map(|row| row.split(',').nth(1)));
     let rest = poses.lines().nth(1).and_then(|row| row.splitn(3, ',').nth(2)).unwrap_or_default().to_owned();
     fs::create_dir(folder.join("poses"))?;
     if let Some((base, targets)) = args.from.split_first() {
         fs::copy(base, folder.join("base.obj"))?;
         for (i, target) in targets.iter().enumerate() {
-            let name = pose_name(target);
+            let name = names.unused(&pose_name(target));
             let file = format!("poses/{:02}_{name}.obj", i + 1);
             fs::copy(target, folder.join(&file))?;
             poses += &format!("{file},{name},{rest}\n");
@@ -99,12 +104,35 @@ fn fill(folder: &Path, args: &Args) -> io::Result<()> {
     fs::File::create_new(folder.join("poses.csv"))?.write_all(poses.as_bytes())
 }
 
+/// Names of poses that a table has, as `check` compares them: upper and lower case count as the same.
+#[derive(Default)]
+pub struct Names(BTreeSet<String>);
+
+impl Names {
+    /// Those of a table.
+    pub fn taken<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
+        Names(names.into_iter().map(str::to_lowercase).collect())
+    }
+
+    /// The name, or the name with the first number that makes it a new one; it is taken then.
+    pub fn unused(&mut self, name: &str) -> String {
+        let numbered = (2..).map(|number| format!("{name}_{number}"));
+        let is_new = |name: &String| self.0.insert(name.to_lowercase());
+        std::iter::once(name.to_owned()).chain(numbered).find(is_new).expect("there are more numbers than names")
+    }
+}
+
 /// A target's name from its file: `03 Both down.obj` gives `both_down`.
 fn pose_name(file: &Path) -> String {
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-    let plain: String = stem.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    plain_name(&file.file_stem().unwrap_or_default().to_string_lossy())
+}
+
+/// A name for tables and files: letters and digits, no number before them, no longer than `check` allows.
+pub fn plain_name(text: &str) -> String {
+    let plain: String = text.to_lowercase().chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
     let unnumbered = plain.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_').trim_end_matches('_');
-    if unnumbered.is_empty() { plain } else { unnumbered.to_owned() }
+    let name = if unnumbered.is_empty() { &plain } else { unnumbered };
+    name[..name.floor_char_boundary(NAME_BYTES)].to_owned()
 }
 
 #[cfg(test)]

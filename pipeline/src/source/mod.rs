@@ -12,6 +12,7 @@ pub mod measurements;
 mod numbers;
 pub mod obj;
 pub mod paths;
+pub mod pose_rows;
 pub mod rules;
 pub mod sizes;
 pub mod tables;

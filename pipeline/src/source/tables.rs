@@ -50,7 +50,8 @@ impl PoseTable {
 }
 
 /// What a header names.
-enum Column {
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Column {
     File,
     Name,
     /// Component 0..4 (x, y, z, w) of a bone's rotation.
@@ -176,7 +177,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
 
 /// A rotation as its four cells have it.
 #[derive(Clone, Copy, Default)]
-struct Written {
+pub(super) struct Written {
     parts: [f64; 4],
     /// The most decimals of any part; whoever rounds cells rounds them alike.
     decimals: usize,
@@ -193,12 +194,12 @@ impl Written {
         self.is_damaged |= number.is_none();
     }
 
-    fn turn(&mut self, i: usize, angle_deg: Option<f64>) {
+    pub fn turn(&mut self, i: usize, angle_deg: Option<f64>) {
         self.angles_deg.get_or_insert_default()[i] = angle_deg.unwrap_or(0.0);
         self.is_damaged |= angle_deg.is_none();
     }
 
-    fn rotation(&self) -> Quat {
+    pub fn rotation(&self) -> Quat {
         let Some(angles_deg) = self.angles_deg else { return DQuat::from_array(self.parts).normalize().as_quat() };
         let about = |i: usize| {
             let half = (angles_deg[i] / 2.0).to_radians();
@@ -210,7 +211,7 @@ impl Written {
     }
 
     /// Why this is no rotation, what is wrong, and what to do.
-    fn mistake(&self) -> Option<(&'static str, String, String)> {
+    pub fn mistake(&self) -> Option<(&'static str, String, String)> {
         if let Some(angles_deg) = self.angles_deg {
             let far_deg = angles_deg.into_iter().find(|angle_deg| angle_deg.abs() > 360.0 && !self.is_damaged)?;
             return Some((
@@ -270,8 +271,8 @@ pub(super) fn read_csv(file: &str, bytes: &[u8], most: usize, report: &mut Vec<D
     delimited::read(file, text, delimited::separator(delimited::first_line(text).as_bytes()), most, report)
 }
 
-const AXES: [&str; 4] = ["qx", "qy", "qz", "qw"];
-const ANGLES: [&str; 3] = ["rx", "ry", "rz"];
+pub(super) const AXES: [&str; 4] = ["qx", "qy", "qz", "qw"];
+pub(super) const ANGLES: [&str; 3] = ["rx", "ry", "rz"];
 
 /// Whether a bone's rotation is given as angles; reports columns that say it twice.
 fn has_angles_alone(file: &str, bone: Bone, columns: &[Column], place: &Place, report: &mut Vec<Diagnostic>) -> bool {
@@ -293,7 +294,7 @@ fn has_angles_alone(file: &str, bone: Bone, columns: &[Column], place: &Place, r
 }
 
 /// What a header means; reports one that means nothing.
-fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>) -> Column {
+pub(super) fn column(file: &str, header: &str, place: &Place, report: &mut Vec<Diagnostic>) -> Column {
     match header {
         "file" => return Column::File,
         "name" => return Column::Name,

@@ -1,13 +1,15 @@
 //! The body: a skinned GLB or VRM in the T-pose. Read once into mesh, joints in the world's axes and weights, then judged. Knows no garment.
 //!
 //! `container.rs` opens the bytes, `numbers.rs` reads rows of numbers, `nodes.rs` says where nodes stand, `joints.rs` which of them are bones,
-//! `pieces.rs` reads meshes, `rest.rs` brings them into the world by the bind matrices, `stance.rs` judges how the body stands.
+//! `pieces.rs` reads meshes, `rest.rs` brings them into the world by the bind matrices, `stance.rs` judges how the body stands, `posed.rs` reads
+//! the pose that a file shows instead.
 
 mod container;
 mod joints;
 mod nodes;
 mod numbers;
 mod pieces;
+mod posed;
 mod rest;
 mod stance;
 
@@ -20,6 +22,7 @@ use kitsuke::arrays::limits;
 use kitsuke::skeleton::{Joint, Skeleton};
 use nodes::Nodes;
 use pieces::{Piece, pieces};
+pub use posed::{PosedBody, read_pose};
 use rest::{Rest, Skin};
 use stance::Fault;
 use std::collections::BTreeSet;
@@ -139,18 +142,33 @@ fn world_turn(file: &Container) -> DMat4 {
     if file.is_vrm0 { DMat4::from_diagonal(glam::DVec4::new(-1.0, 1.0, -1.0, 1.0)) } else { DMat4::IDENTITY }
 }
 
-fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
+/// What a skinned file holds, before anybody asks how it stands.
+struct Rig {
+    /// How the file's world is turned.
+    turn: DMat4,
+    nodes: Nodes,
+    skins: Vec<Skin>,
+    /// Which skins move the body; one of something else, a prop, has none of its bones.
+    is_body: Vec<bool>,
+    joints: Joints,
+    /// The body's meshes.
+    own: Vec<Piece>,
+    /// Other meshes.
+    left_out: Vec<Piece>,
+}
+
+fn rig(file: &Container) -> Result<Rig, Fault> {
     let skins = rest::skins(file, JOINTS)?;
     if skins.is_empty() {
         return Err("the file has no skin, so the body has no joints".to_owned().into());
     }
-    let nodes = Nodes::new(&file.document, world_turn(file))?;
+    let turn = world_turn(file);
+    let nodes = Nodes::new(&file.document, turn)?;
     let all: Vec<Piece> = pieces(file, |node| nodes.is_shown[node.index()])?;
     let mut seen = BTreeSet::new();
     let joint_nodes: Vec<usize> =
         skins.iter().flat_map(|skin| &skin.joints).copied().filter(|joint| seen.insert(*joint)).collect();
     let joints = Joints::new(&nodes, &file.humanoid, &joint_nodes)?;
-    // A skin of something else, a prop, has none of the body's bones.
     let is_bone = |node: usize| joints.bones.iter().any(|(_, bone, _)| *bone == node);
     let moves_body = |skin: &Skin| skin.joints.iter().any(|&joint| nodes.upwards(joint).any(is_bone));
     let is_body: Vec<bool> = skins.iter().map(moves_body).collect();
@@ -159,28 +177,51 @@ fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
     if own.iter().all(|piece| piece.triangles.is_empty()) {
         return Err("the skin moves no mesh".to_owned().into());
     }
+    Ok(Rig { turn, nodes, skins, is_body, joints, own, left_out })
+}
 
-    let shown: Vec<Rest> = skins.iter().map(|skin| skin.shown(&nodes)).collect();
-    let is_at_rest = shown.iter().zip(&is_body).all(|(rest, is_body)| matches!(rest, Rest::Bound(_)) || !is_body);
-    let mut warnings = Vec::new();
-    let bound = (!is_at_rest).then(|| {
-        let rests: Vec<Rest> = skins.iter().map(|skin| skin.bound(&nodes)).collect();
-        assembled(&nodes, &skins, &joints, &own, &rests).ok().filter(|body| stance::fault(body).is_none())
-    });
-    let body = match bound.flatten() {
-        Some(body) => {
-            warnings.push(Warning::OtherPose);
-            body
-        }
-        None => {
-            let body = assembled(&nodes, &skins, &joints, &own, &shown)?;
-            if let Some(fault) = stance::fault(&body) {
-                let is_unbound = skins.iter().zip(&is_body).any(|(skin, is_body)| *is_body && !skin.is_bound);
-                return Err(if is_unbound { unbound(fault) } else { fault });
+/// A body that stands in the T-pose.
+struct Standing {
+    body: Body,
+    /// How each skin rests.
+    rests: Vec<Rest>,
+    /// Whether the file shows another pose.
+    is_other_shown: bool,
+}
+
+/// The body as it was bound if that is a T-pose, else as it is shown.
+fn standing(rig: &Rig) -> Result<Standing, Fault> {
+    let shown: Vec<Rest> = rig.skins.iter().map(|skin| skin.shown(&rig.nodes)).collect();
+    let is_at_rest = shown.iter().zip(&rig.is_body).all(|(rest, is_body)| matches!(rest, Rest::Bound(_)) || !is_body);
+    if !is_at_rest {
+        // Blender binds in the world, others in the space of what the joints hang on.
+        let above: Vec<Rest> = rig.skins.iter().map(|skin| skin.bound(&rig.nodes)).collect();
+        let world: Vec<Rest> = rig.skins.iter().map(|_| Rest::Bound(rig.turn)).collect();
+        for rests in [above, world] {
+            let bound = assembled(rig, &rests).ok().filter(|body| stance::fault(body).is_none());
+            if let Some(body) = bound {
+                return Ok(Standing { body, rests, is_other_shown: true });
             }
-            body
         }
-    };
+    }
+    let body = assembled(rig, &shown)?;
+    match stance::fault(&body) {
+        None => Ok(Standing { body, rests: shown, is_other_shown: false }),
+        Some(fault) => {
+            let is_unbound = rig.skins.iter().zip(&rig.is_body).any(|(skin, is_body)| *is_body && !skin.is_bound);
+            Err(if is_unbound { unbound(fault) } else { fault })
+        }
+    }
+}
+
+fn body(file: &Container) -> Result<(Body, Vec<Warning>), Fault> {
+    let rig = rig(file)?;
+    let Standing { body, is_other_shown, .. } = standing(&rig)?;
+    let Rig { nodes, skins, joints, own, left_out, .. } = rig;
+    let mut warnings = Vec::new();
+    if is_other_shown {
+        warnings.push(Warning::OtherPose);
+    }
     if file.is_vrm0 {
         warnings.push(Warning::Turned);
     }
@@ -212,18 +253,23 @@ fn unbound(fault: Fault) -> Fault {
     }
 }
 
+/// A node's frame at rest, world from node.
+fn frame(rig: &Rig, rests: &[Rest], node: usize) -> DMat4 {
+    let of_skins = || rig.skins.iter().zip(rests);
+    let own = of_skins().find(|(skin, _)| skin.joints.contains(&node));
+    let own = own.or_else(|| {
+        of_skins().find(|(skin, _)| rig.nodes.upwards(node).any(|above| skin.joints.contains(&above)))
+    });
+    own.and_then(|(skin, rest)| skin.frame(&rig.nodes, rest, node)).unwrap_or(rig.nodes.world[node])
+}
+
 /// Mesh, joints and weights in the world.
-fn assembled(nodes: &Nodes, skins: &[Skin], joints: &Joints, pieces: &[Piece], rests: &[Rest]) -> Result<Body, Fault> {
-    let place_m = |node: usize| {
-        let of_skins = skins.iter().zip(rests).find(|(skin, _)| skin.joints.contains(&node));
-        let of_skins = of_skins.or_else(|| {
-            skins.iter().zip(rests).find(|(skin, _)| nodes.upwards(node).any(|above| skin.joints.contains(&above)))
-        });
-        let place_m = of_skins.and_then(|(skin, rest)| skin.place_m(nodes, rest, node));
-        place_m.unwrap_or_else(|| nodes.world[node].w_axis.truncate())
-    };
+fn assembled(rig: &Rig, rests: &[Rest]) -> Result<Body, Fault> {
+    let Rig { nodes, skins, joints, own, .. } = rig;
     let joint = |&(bone, node, parent): &(_, usize, Option<u8>)| {
-        let rest_m: DVec3 = place_m(node);
+        let (rest_m, shown_m) = (frame(rig, rests, node).w_axis.truncate(), nodes.world[node].w_axis.truncate());
+        // The shown place is the file's own number, without the rounding of an inverse.
+        let rest_m: DVec3 = if rest_m.distance(shown_m) < rest::NONE { shown_m } else { rest_m };
         Joint { bone, parent, rest_m: rest_m.as_vec3() }
     };
     let bones: Vec<Joint> = joints.bones.iter().map(joint).collect();
@@ -235,7 +281,7 @@ fn assembled(nodes: &Nodes, skins: &[Skin], joints: &Joints, pieces: &[Piece], r
     let slots: Vec<Vec<u8>> =
         skins.iter().map(|skin| skin.joints.iter().map(|&node| joints.slot(node).unwrap_or(0)).collect()).collect();
     let mut body = Body { surface: Surface::default(), skeleton, skin: Vec::new() };
-    for piece in pieces {
+    for piece in own {
         let skin = piece.skin.unwrap_or(0);
         append(&mut body.surface, piece, &rests[skin])?;
         body.skin.extend(piece.influences.chunks(piece.width).map(|influences| row(influences, &slots[skin])));

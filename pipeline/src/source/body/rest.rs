@@ -14,8 +14,8 @@ use gltf::accessor::Dimensions;
 const SAME: f64 = 2e-3;
 /// How far two transforms may move a joint apart and still be one, metres.
 const SAME_M: f64 = 2e-3;
-/// A transform that differs less from none is none.
-const NONE: f64 = 1e-5;
+/// A transform that differs less from none is none, and a place that differs less from another one is the same.
+pub(super) const NONE: f64 = 1e-5;
 
 /// A skin's joints and how the mesh was bound to them.
 pub(super) struct Skin {
@@ -90,21 +90,18 @@ impl Skin {
         Rest::Bound(above.map_or(DMat4::IDENTITY, |above| nodes.world[above]))
     }
 
-    /// Where a node rests that is a joint of this skin, or hangs on one; metres.
-    pub fn place_m(&self, nodes: &Nodes, rest: &Rest, node: usize) -> Option<DVec3> {
+    /// The frame at rest, world from node, of a node that is a joint of this skin, or hangs on one.
+    pub fn frame(&self, nodes: &Nodes, rest: &Rest, node: usize) -> Option<DMat4> {
         let (above, joint) = nodes.upwards(node).find_map(|above| {
             let joint = self.joints.iter().position(|joint| *joint == above)?;
             Some((above, joint))
         })?;
-        let joint_m = match rest {
-            Rest::Shown(_) => return Some(nodes.world[node].w_axis.truncate()),
+        let world_from_joint = match rest {
+            Rest::Shown(_) => return Some(nodes.world[node]),
             Rest::Bound(world_from_mesh) => *world_from_mesh * self.joint_from_mesh[joint].inverse(),
         };
         let joint_from_node = nodes.world[above].inverse() * nodes.world[node];
-        let place_m = if above == node { joint_m } else { joint_m * joint_from_node }.w_axis.truncate();
-        // The shown place is the file's own number, without the rounding of an inverse.
-        let shown_m = nodes.world[node].w_axis.truncate();
-        Some(if place_m.distance(shown_m) < NONE { shown_m } else { place_m })
+        Some(if above == node { world_from_joint } else { world_from_joint * joint_from_node })
     }
 
     fn by_joint(&self, nodes: &Nodes, joint: usize) -> DMat4 {

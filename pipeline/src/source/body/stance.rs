@@ -29,13 +29,13 @@ pub(super) struct Fault {
 }
 
 /// A limb: upper bone, lower bone, end, where both point in the T-pose, and how far they may stray from that.
-struct Limb {
-    bones: [Bone; 3],
+pub(super) struct Limb {
+    pub bones: [Bone; 3],
     towards: Vec3,
     most_deg: f32,
 }
 
-const LIMBS: [Limb; 4] = [
+pub(super) const LIMBS: [Limb; 4] = [
     Limb { bones: [Bone::LeftUpperArm, Bone::LeftLowerArm, Bone::LeftHand], towards: Vec3::X, most_deg: ARM_DEG },
     Limb {
         bones: [Bone::RightUpperArm, Bone::RightLowerArm, Bone::RightHand],
@@ -165,7 +165,7 @@ fn middle(body: &Body, bone: Bone) -> Option<Vec3> {
 }
 
 /// The angle between two directions; that of no direction counts as opposite.
-fn angle_deg(a: Vec3, b: Vec3) -> f32 {
+pub(super) fn angle_deg(a: Vec3, b: Vec3) -> f32 {
     let cosine = a.normalize_or_zero().dot(b.normalize_or_zero());
     if cosine == 0.0 && (a == Vec3::ZERO || b == Vec3::ZERO) {
         return 180.0;
