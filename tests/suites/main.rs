@@ -20,6 +20,7 @@ mod mistakes;
 mod motion;
 mod obj_text;
 mod pack;
+mod pose_rows;
 mod rigs;
 mod skinning;
 mod suggest;

@@ -7,7 +7,7 @@ use kitsuke_pipeline::StageRun;
 use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Progress, Report};
 use kitsuke_pipeline::diagnostic;
 use kitsuke_pipeline::memo::Origin;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -56,16 +56,48 @@ pub fn run(args: Args) -> ExitCode {
     };
     let Args { ids, explain, jobs, emit, assets, catalog, cache, message_format, .. } = args;
     let options = Options { assets, catalog, cache, ids, mode, emit };
+    let known = known_ids(&options.catalog);
     let threads = rayon::ThreadPoolBuilder::new().num_threads(jobs.unwrap_or(0).into()).build();
     let threads = threads.expect("the system starts as many threads as were asked for");
     let progress = Lines::new(&options.assets, message_format, explain);
     match threads.install(|| catalog::build(&options, &progress)) {
-        Ok(report) => conclude(&report, mode),
+        Ok(report) => {
+            if mode == Mode::Write && matches!(message_format, MessageFormat::Human) {
+                next_steps(&report, &known, &options).iter().for_each(|line| println!("{line}"));
+            }
+            conclude(&report, mode)
+        }
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE
         }
     }
+}
+
+/// The garments of the index as it stands; of one that cannot be read none, for the build says so.
+fn known_ids(catalog: &Path) -> BTreeSet<String> {
+    let (index, unreadable) = catalog::index::read(&catalog.join("index.toml")).unwrap_or_default();
+    index.into_keys().chain(unreadable).collect()
+}
+
+/// What comes after a garment's first build; nothing where all garments had been built before.
+fn next_steps(report: &Report, known: &BTreeSet<String>, options: &Options) -> Vec<String> {
+    let is_first =
+        |garment: &&GarmentReport| matches!(garment.outcome, Outcome::Built(_)) && !known.contains(&garment.id);
+    let new: Vec<&str> = report.garments.iter().filter(is_first).map(|garment| garment.id.as_str()).collect();
+    let [id, ..] = new[..] else { return Vec::new() };
+    let folders = [("--assets", &options.assets, "assets-src"), ("--catalog", &options.catalog, "catalog")];
+    let elsewhere = folders.into_iter().filter(|(_, folder, usual)| **folder != in_workspace(usual));
+    let elsewhere: String = elsewhere.map(|(option, folder, _)| format!(" {option} {}", folder.display())).collect();
+    let index = options.catalog.join("index.toml");
+    vec![
+        format!("{}: new in the catalog. What comes next:", new.join(", ")),
+        format!("  cargo xtask preview {id}{elsewhere}: look at base and targets"),
+        format!("  cargo xtask leave-one-out {id}{elsewhere}: where a pose is missing"),
+        format!("  cargo xtask suggest {id}{elsewhere}: which targets to make next, with rows for poses.csv"),
+        format!("  git add {}: commit it with the kimono's folder", index.display()),
+        "  sizes, so that it can be fitted to wearers: step 9 of assets-src/README.md, then cargo xtask fit".to_owned(),
+    ]
 }
 
 /// Says how the catalog changed, or would have had to.

@@ -46,6 +46,10 @@ pub fn run(args: Args) -> ExitCode {
                     "1. Write each target's joint rotations into poses.csv; they are those of the T-pose still."
                 ),
             }
+            println!(
+                "   cargo xtask pose-rows makes rows from recordings, posed bodies and angles; {} has rows to copy.",
+                in_workspace("assets-src/_template/recommended_poses.csv").display()
+            );
             println!("2. Look over unit, up and body in garment.toml.");
             println!("3. cargo xtask check {} --assets {}", args.id, args.into.display());
             ExitCode::SUCCESS
@@ -147,5 +151,43 @@ mod tests {
         check("komon_pose_01_a_pose_45.obj", "komon_pose_01_a_pose_45");
         check("17.obj", "17");
         check("腕.obj", "腕");
+        check(&format!("{}.obj", "腕".repeat(100)), &"腕".repeat(66));
+    }
+
+    /// `check` finds nothing wrong with what `new` wrote but that all rows are still the T-pose's and all shapes the same.
+    #[test]
+    fn names_are_those_that_check_takes() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = Path::new(ASSETS).join("komon/base.obj");
+        let names =
+            ["base", "03 Both down", "both_down", "4_BOTH-DOWN", "t_pose", "T pose", "both_down_2", "17", "18", "腕"];
+        let mut from = Vec::new();
+        for (i, name) in names.iter().enumerate() {
+            // Two folders, for systems whose files differ by more than case.
+            let file = dir.path().join(format!("{i}/{name}.obj"));
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::copy(&base, &file).unwrap();
+            from.push(file);
+        }
+        let args = Args { id: "mine".to_owned(), from, into: dir.path().join("assets") };
+        let folder = make(&args).unwrap();
+        let poses = fs::read_to_string(folder.join("poses.csv")).unwrap();
+        let written: Vec<&str> = poses.lines().skip(1).filter_map(|row| row.split(',').nth(1)).collect();
+        let expected = [
+            "t_pose",
+            "both_down",
+            "both_down_2",
+            "both_down_3",
+            "t_pose_2",
+            "t_pose_3",
+            "both_down_2_2",
+            "17",
+            "18",
+            "腕",
+        ];
+        assert_eq!(written, expected);
+        let codes: BTreeSet<String> =
+            kitsuke_pipeline::load(&folder).diagnostics.into_iter().map(|said| said.code.into_owned()).collect();
+        assert_eq!(codes.into_iter().collect::<Vec<_>>(), ["equal-poses", "same-shape"]);
     }
 }

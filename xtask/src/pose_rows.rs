@@ -156,7 +156,7 @@ fn pose_rows(args: &Args) -> Result<(), String> {
             match &args.out {
                 Some(out) => {
                     write_whole(out, |out| out.write_all(text.as_bytes()))?;
-                    say!("{}: {} rows", out.display(), rows.len());
+                    say!("{}: rows for {}", out.display(), files.join(", "));
                 }
                 None => say!("{}", text.trim_end()),
             }
@@ -196,26 +196,16 @@ fn wearer(path: &Path) -> Result<Wearer, String> {
     Ok(Wearer { file, bytes, skeleton: body.skeleton })
 }
 
-fn frames(
-    path: &Path,
-    frames: &[usize],
-    wearer: &Skeleton,
-    read_as: shots::ReadAs,
-) -> Result<Vec<Named>, String> {
+fn frames(path: &Path, frames: &[usize], wearer: &Skeleton, read_as: shots::ReadAs) -> Result<Vec<Named>, String> {
     let recording = shots::recording(path, wearer, read_as)?;
     let count = recording.frames.len();
     let beyond: Vec<String> = frames.iter().filter(|frame| **frame >= count).map(usize::to_string).collect();
     if !beyond.is_empty() {
         let last = count - 1;
-        return Err(format!(
-            "{} has no frame {}: its frames are 0 to {last}",
-            path.display(),
-            beyond.join(", ")
-        ));
+        return Err(format!("{} has no frame {}: its frames are 0 to {last}", path.display(), beyond.join(", ")));
     }
     let stem = plain_name(&path.file_stem().unwrap_or_default().to_string_lossy());
-    let named =
-        |&frame: &usize| Named { name: format!("{stem}_{frame}"), pose: recording.frames[frame].pose.clone() };
+    let named = |&frame: &usize| Named { name: format!("{stem}_{frame}"), pose: recording.frames[frame].pose.clone() };
     Ok(frames.iter().map(named).collect())
 }
 
@@ -231,17 +221,25 @@ fn posed(paths: &[PathBuf], wearer: &Wearer) -> Result<Vec<Named>, String> {
                 continue;
             }
         };
-        let Some(posed) = body::read_pose(&file, &bytes, &wearer.skeleton, &wearer.bytes, &mut report) else { continue };
-        let rest = if posed.is_own_rest { "the T-pose in which it was bound" } else { &format!("{}, whose joints have the same axes", wearer.file) };
+        let Some(posed) = body::read_pose(&file, &bytes, &wearer.skeleton, &wearer.bytes, &mut report) else {
+            continue;
+        };
+        let rest = if posed.is_own_rest {
+            "the T-pose in which it was bound"
+        } else {
+            &format!("{}, whose joints have the same axes", wearer.file)
+        };
         eprintln!("note: {file}: turns are against {rest}");
-        poses.push(Named { name: plain_name(&path.file_stem().unwrap_or_default().to_string_lossy()), pose: posed.pose });
+        poses.push(Named {
+            name: plain_name(&path.file_stem().unwrap_or_default().to_string_lossy()),
+            pose: posed.pose,
+        });
     }
     if !report.is_empty() {
         unreadable.push(shots::said(&report));
     }
     if unreadable.is_empty() { Ok(poses) } else { Err(unreadable.join("\n")) }
 }
-
 
 /// What a row does not give: turns without columns, and where the hips went.
 fn say_what_is_left_out(name: &str, columns: &Columns, pose: &Pose, is_for_table: bool) {

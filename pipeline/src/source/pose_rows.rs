@@ -104,7 +104,8 @@ impl Columns {
     /// Turns that a row would not give back, the greatest first; of all bones but the hips, on which the kimono rests.
     #[must_use]
     pub fn lost(&self, pose: &Pose) -> Vec<Lost> {
-        let mut lost: Vec<Lost> = Bone::ALL.iter().filter_map(|&bone| self.lost_of(bone, pose.rotation(bone))).collect();
+        let mut lost: Vec<Lost> =
+            Bone::ALL.iter().filter_map(|&bone| self.lost_of(bone, pose.rotation(bone))).collect();
         lost.sort_by(|a, b| b.apart_deg.total_cmp(&a.apart_deg));
         lost
     }
@@ -157,9 +158,8 @@ pub fn appended(table: &[u8], rows: &[String]) -> Vec<u8> {
 pub fn read_angles(text: &str, report: &mut Vec<Diagnostic>) -> Option<(Vec<Bone>, Pose)> {
     const FILE: &str = "--angles";
     let before = report.len();
-    let error = |problem: String, help: &str| {
-        Diagnostic::error("pose-angles", FILE, Place::File).problem(problem).help(help)
-    };
+    let error =
+        |problem: String, help: &str| Diagnostic::error("pose-angles", FILE, Place::File).problem(problem).help(help);
     let mut of_bones: Vec<(Bone, Written, [bool; 3])> = Vec::new();
     for entry in text.split(|c: char| c.is_whitespace() || c == ';').filter(|entry| !entry.is_empty()) {
         let Some((header, value)) = entry.split_once('=') else {
@@ -172,7 +172,10 @@ pub fn read_angles(text: &str, report: &mut Vec<Diagnostic>) -> Option<(Vec<Bone
         let value_deg = numbers::read(value);
         let said = report.len();
         let column = tables::column(FILE, header, &Place::File, report);
-        if let Err(wrong) = &value_deg {
+        // What is no angle at all needs no number.
+        if let Err(wrong) = &value_deg
+            && header.ends_with("_deg")
+        {
             let help = wrong.help.as_deref().unwrap_or("Give the angle in degrees.");
             report.push(error(format!("{header}: {}", wrong.problem), help));
         }

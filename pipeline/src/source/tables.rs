@@ -301,15 +301,16 @@ pub(super) fn column(file: &str, header: &str, place: &Place, report: &mut Vec<D
         "index" | "body" => return Column::Ignored,
         _ => {}
     }
-    if let Some((bone, axis)) = header.strip_suffix("_deg").and_then(|angle| angle.rsplit_once('_'))
-        && let (Some(bone), Some(axis)) = (Bone::from_name(bone), ANGLES.iter().position(|known| *known == axis))
-    {
+    let angle = header.strip_suffix("_deg").and_then(|angle| angle.rsplit_once('_'));
+    let angle = angle.and_then(|(bone, axis)| Some((bone, ANGLES.iter().position(|known| *known == axis)?)));
+    if let Some((Some(bone), axis)) = angle.map(|(bone, axis)| (Bone::from_name(bone), axis)) {
         return Column::Angle(bone, axis);
     }
     let (bone, axis) = header.rsplit_once('_').unwrap_or((header, ""));
     let component = AXES.iter().position(|known| *known == axis);
     let is_position = matches!(axis, "x" | "y" | "z");
     let problem = match (component, Bone::from_name(bone)) {
+        _ if let Some((bone, _)) = angle => unknown_bone(bone),
         (Some(component), Some(bone)) => return Column::Rotation(bone, component),
         (None, Some(_)) if is_position => return Column::Ignored,
         (component, None) if component.is_some() || is_position => unknown_bone(bone),

@@ -257,9 +257,8 @@ fn unbound(fault: Fault) -> Fault {
 fn frame(rig: &Rig, rests: &[Rest], node: usize) -> DMat4 {
     let of_skins = || rig.skins.iter().zip(rests);
     let own = of_skins().find(|(skin, _)| skin.joints.contains(&node));
-    let own = own.or_else(|| {
-        of_skins().find(|(skin, _)| rig.nodes.upwards(node).any(|above| skin.joints.contains(&above)))
-    });
+    let own =
+        own.or_else(|| of_skins().find(|(skin, _)| rig.nodes.upwards(node).any(|above| skin.joints.contains(&above))));
     own.and_then(|(skin, rest)| skin.frame(&rig.nodes, rest, node)).unwrap_or(rig.nodes.world[node])
 }
 
