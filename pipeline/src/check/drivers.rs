@@ -8,6 +8,9 @@ use crate::source::tables::PoseTable;
 use kitsuke::arrays::{PoseLimit, limits};
 use kitsuke::skeleton::Bone;
 
+/// Poses that are draped lie farther apart, radians: 10 degrees.
+const LEAST_THRESHOLD_RAD: f64 = 0.1745;
+
 /// How much farther than the samples a limited joint may turn, degrees.
 const MARGIN_DEG: std::ops::RangeInclusive<f64> = 0.5..=45.0;
 
@@ -57,6 +60,14 @@ pub(super) fn check_drivers(
                 Diagnostic::error("threshold", file, field.place())
                     .problem(format!("a threshold of {threshold} lets no pose or every pose be similar"))
                     .help("Choose more than 0 and at most 180 deg; 60 deg suits shoulders and elbows."),
+            );
+        } else if let (Some(field), Some(threshold)) = (&driver.threshold, value(&driver.threshold))
+            && threshold.radians() < LEAST_THRESHOLD_RAD
+        {
+            report.push(
+                Diagnostic::warning("threshold", file, field.place())
+                    .problem(format!("a threshold of {threshold} lets hardly any pose be similar to another"))
+                    .help("60 deg suits shoulders and elbows; a number that was meant in radians is written \"1.05 rad\"."),
             );
         }
     }

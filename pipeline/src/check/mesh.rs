@@ -55,10 +55,10 @@ pub(super) fn check(NamedMesh { file, mesh }: NamedMesh<'_>, report: &mut Vec<Di
     }
     for vertex in used.iter().enumerate().filter(|(_, used)| !**used).map(|(vertex, _)| vertex) {
         let problem = format!("vertex {} belongs to no face", vertex + 1);
-        causes.add("isolated-vertex", problem.clone(), || {
-            Diagnostic::error("isolated-vertex", file, Place::Line(mesh.position_lines[vertex]))
-                .problem(problem)
-                .help("Delete loose vertices, then export base and targets again.")
+        causes.add("isolated-vertex", "", || {
+            Diagnostic::error("isolated-vertex", file, Place::Line(mesh.position_lines[vertex])).problem(problem).help(
+                "Delete loose vertices, or export the piece whose they are, too; then export base and targets again.",
+            )
         });
     }
     causes.report("place", report);

@@ -1,6 +1,7 @@
 //! Source → Ir: units become metres and radians, names become numbers, and every mistake of the artist is reported, all
 //! in one run. Knows what garments are like, and no file format.
 
+mod crushed;
 mod drivers;
 mod exchange;
 mod gaps;
@@ -16,6 +17,7 @@ mod sides;
 mod signature;
 mod size;
 mod target;
+mod thick;
 
 use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::ir;
@@ -24,7 +26,7 @@ use crate::source::folder::Folder;
 use crate::source::manifest::{self, Field, Manifest, Up};
 use crate::source::obj;
 use crate::source::paths::Paths;
-use crate::source::tables::PoseRow;
+use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{closest, is_garment_id, rules};
 use glam::{DVec3, Vec3};
@@ -68,6 +70,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     if let Some((table, file)) = &poses {
         poses::check(table, file, &manifest, &folder, report);
         sides::check(table, file, report);
+        check_unused(&folder, table, file, &meshes.keys().cloned().collect(), report);
     }
     let drivers = drivers::check_drivers(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
     let pose_limits = drivers::check_limits(&manifest, &manifest_file, poses.as_ref().map(|(table, _)| table), report);
@@ -92,16 +95,21 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         let file = value(&manifest.paths).and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
         check_paths(paths, &file, base_mesh.file, &base, report);
     }
+    if let Some((code, problem, help)) = crushed::find_in_base(&base) {
+        // What is compared with it would be called wrong in its stead.
+        report.push(Diagnostic::error(code, base_mesh.file, Place::File).problem(problem).help(help));
+        return None;
+    }
     let near = body.as_ref().map_or(Vec::new(), |body| near_skin::pairs(&base.positions_m, body));
     let is_placed = body.as_ref().is_none_or(|body| placement::check(base_mesh, &base, unit, body, &near, report));
-    if let (Some(mesh), Some(obi)) = (obi_mesh, &obi)
-        && is_placed
-    {
-        placement::check_obi(mesh, obi, &base, report);
+    if is_placed {
+        regions::check_sides(&manifest, &folder, base_mesh, &masks, report);
     }
+    let worn = obi_mesh.zip(obi.as_ref()).filter(|_| is_placed);
+    let worn = worn.filter(|(mesh, obi)| placement::check_obi(*mesh, obi, &base, report)).map(|(_, obi)| obi);
 
     let mut targets = Vec::new();
-    let reference = target::Reference::new(base_mesh, &base, obi.as_ref().filter(|_| is_placed));
+    let reference = target::Reference::new(base_mesh, &base, worn);
     let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(poses::untwisted(table)).skip(1));
     // A file that two rows name is a mistake, already reported, and need not be held twice.
     let mut seen = BTreeSet::new();
@@ -113,12 +121,14 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
             targets.push(ir::TargetShape { name, file, layer: 0, rotations, positions_m });
         }
     }
+    let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
+    let copies = target::check_copies(&folder, &base, &shapes, "pose", report);
     if let (Some(body), Some((table, file)), true) = (&body, &poses, is_placed) {
-        let found = pose_fit::faults(&base.positions_m, body, &near, &table.bones, &targets);
+        let mut found = pose_fit::faults(&base.positions_m, body, &near, &table.bones, &targets);
+        // That a copied shape is in no pose of its own is said already.
+        found.retain(|fault| !matches!(fault, pose_fit::Fault::Row(target, ..) if copies.contains(target)));
         report.extend(found.iter().map(|fault| pose_words::diagnostic(fault, table, file, &targets)));
     }
-    let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
-    target::check_copies(&folder, &base, &shapes, "pose", report);
 
     let mut fitted = None;
     if let (Some(table), Some(field)) = (&sizes, &manifest.sizes) {
@@ -126,11 +136,18 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         let skeleton = body.as_ref().map(|body| &body.skeleton);
         let named = size::Table { file: &file, table, place: &place };
         let bodies = size::check_table(&named, &folder, Some(base_mesh.file), skeleton, report);
-        let mut shapes = Vec::new();
-        for row in table.rows.iter().skip(1) {
+        let (mut shapes, mut rows) = (Vec::new(), Vec::new());
+        for (number, row) in table.rows.iter().enumerate().skip(1) {
             let Some(mesh) = mesh_of(&row.file) else { continue };
             let positions_m = mesh.mesh.positions.iter().map(place).collect();
-            shapes.extend(size::check_shape(&reference, base_mesh, mesh, &row.file, positions_m, report));
+            let shape = size::check_shape(&reference, base_mesh, mesh, &row.file, positions_m, report);
+            rows.extend(shape.is_some().then_some(number));
+            shapes.extend(shape);
+        }
+        if let (Some(skeleton), true) = (skeleton, is_placed) {
+            let worn =
+                rows.iter().zip(&shapes).map(|(row, shape): (&usize, &ir::SizeShape)| (*row, &shape.positions_m[..]));
+            size::check_worn(&named, &bodies, &worn.collect::<Vec<_>>(), &base.positions_m, skeleton, report);
         }
         let copies: Vec<(&str, &[Vec3])> = shapes.iter().map(|s| (s.file.as_str(), &s.positions_m[..])).collect();
         target::check_copies(&folder, &base, &copies, "body", report);
@@ -246,6 +263,26 @@ fn check_id(folder: &Folder, report: &mut Vec<Diagnostic>) {
             Diagnostic::error("duplicate-id", id, Place::File)
                 .problem(format!("the folder `{other}` beside it has the same ID but for upper and lower case"))
                 .help("Rename one of the two; many file systems take them for the same."),
+        );
+    }
+}
+
+/// Shapes that lie beside those of the table and that no row names.
+fn check_unused(folder: &Folder, table: &PoseTable, file: &str, used: &BTreeSet<String>, report: &mut Vec<Diagnostic>) {
+    let named: BTreeSet<String> = table.rows.iter().filter_map(|row| folder.name_of(&row.file).ok()).collect();
+    // Beside the base anything may lie.
+    let targets = named.iter().map(String::as_str).filter(|name| name.matches('/').count() > 1);
+    // Where a named file is missing, one that lies there is said to be meant.
+    let unused = if named.is_subset(used) { folder.unused(targets, used) } else { Vec::new() };
+    if let Some(first) = unused.first() {
+        let more = match unused.len() - 1 {
+            0 => String::new(),
+            more => format!(" (and {more} more)"),
+        };
+        report.push(
+            Diagnostic::warning("unused-file", file, Place::File)
+                .problem(format!("no row names {first}{more}, which lies beside the targets"))
+                .help("Add a row for it, or move it elsewhere if it is not meant."),
         );
     }
 }

@@ -20,6 +20,8 @@ pub(super) struct Pair {
     pub skin: u32,
     /// How far the cloth lies outside, along the skin's normal, metres; negative inside.
     pub outside_m: f32,
+    /// How much the skin faces upward there, -1 to 1.
+    pub upward: f32,
 }
 
 /// The pairs that lie near each other, in the order of the base.
@@ -38,8 +40,9 @@ pub(super) fn pairs(base_m: &[Vec3], body: &ir::Body) -> Vec<Pair> {
         let distances = skin.iter().map(|(s, skin_m)| (skin_m.distance_squared(from_m), *s));
         let (distance_m2, skin) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let away_m = from_m - skin_m[skin as usize];
-        let outside_m = away_m.dot(normals[skin as usize].normalize_or_zero());
-        (distance_m2 < NEAR_M * NEAR_M).then_some(Pair { cloth: v as u32, skin, outside_m })
+        let normal = normals[skin as usize].normalize_or_zero();
+        let (outside_m, upward) = (away_m.dot(normal), normal.y);
+        (distance_m2 < NEAR_M * NEAR_M).then_some(Pair { cloth: v as u32, skin, outside_m, upward })
     };
     cloth.par_iter().filter_map(nearest).collect()
 }

@@ -3,7 +3,7 @@
 use super::{can_name_a_file, grouped, value};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::source::causes::Causes;
-use crate::source::folder::Folder;
+use crate::source::folder::{Folder, composed};
 use crate::source::manifest::{DriverEntry, Manifest};
 use crate::source::tables::PoseTable;
 use glam::Quat;
@@ -73,7 +73,8 @@ fn check_rows(table: &PoseTable, file: &str, manifest: &Manifest, folder: &Folde
     let mut lines_of: BTreeMap<(&str, String), u32> = BTreeMap::new();
     for row in &table.rows {
         let shape = folder.name_of(&row.file).unwrap_or_else(|_| row.file.clone());
-        for (what, key, shown) in [("name", row.name.to_lowercase(), &row.name), ("file", shape, &row.file)] {
+        for (what, key, shown) in [("name", composed(&row.name.to_lowercase()), &row.name), ("file", shape, &row.file)]
+        {
             let line = *lines_of.entry((what, key)).or_insert(row.line);
             if line != row.line {
                 causes.add("duplicate-target", format!("{what} {line}"), || {

@@ -31,10 +31,9 @@ pub(super) fn check(
     let source = manifest.regions.as_ref().map_or(Some(RegionSource::Auto), |regions| regions.get().copied())?;
     let (base_file, base) = (base.file, base.mesh);
     let mut painted = Vec::new();
-    let mut sided = Vec::new();
     let mut first: Option<(&str, &Mask)> = None;
     for driver in &manifest.drivers {
-        let Some(field) = &driver.mask else {
+        if driver.mask.is_none() {
             if source == RegionSource::Painted {
                 report.push(
                     Diagnostic::error("missing-mask", file, driver.name.as_ref().map_or(Place::File, Field::place))
@@ -43,11 +42,8 @@ pub(super) fn check(
                 );
             }
             continue;
-        };
-        let Some((name, mask)) = field.get().and_then(|written| masks.get_key_value(&folder.name_of(written).ok()?))
-        else {
-            continue;
-        };
+        }
+        let Some((name, mask)) = mask_of(driver, folder, masks) else { continue };
         let (first_name, first_mask) = *first.get_or_insert((name, mask));
         if (mask.width, mask.height) != (first_mask.width, first_mask.height) {
             report.push(
@@ -67,7 +63,6 @@ pub(super) fn check(
                     .help("Paint the driver's region white, in the texture space of the base (v = 0 at the bottom)."),
             );
         }
-        sided.extend(side(driver, base, &weights).map(|side| (name, side)));
         painted.push(weights);
     }
     if first.is_some() && !base.is_textured() {
@@ -77,7 +72,6 @@ pub(super) fn check(
                 .help("Export the base with texture coordinates, or remove the masks and set regions = \"auto\"."),
         );
     }
-    check_sides(&sided, report);
     if source == RegionSource::Painted {
         check_coordinates(base_file, base, report);
     }
@@ -85,6 +79,15 @@ pub(super) fn check(
         RegionSource::Auto => Some(ir::Regions::Auto),
         RegionSource::Painted => (painted.len() == manifest.drivers.len()).then_some(ir::Regions::Painted(painted)),
     }
+}
+
+/// The mask of a driver, with its file, where it has one that could be read.
+fn mask_of<'a>(
+    driver: &DriverEntry,
+    folder: &Folder,
+    masks: &'a BTreeMap<String, Mask>,
+) -> Option<(&'a String, &'a Mask)> {
+    masks.get_key_value(&folder.name_of(value(&driver.mask)?).ok()?)
 }
 
 /// For each vertex the mean of `value` over its distinct texture coordinates; 0 where it has none.
@@ -126,8 +129,19 @@ fn side<'a>(driver: &'a DriverEntry, base: &obj::Mesh, weights: &[f32]) -> Optio
     middle.is_finite().then_some(Sided { driver, bones, is_left, middle })
 }
 
-/// Masks that lie on the other side of what their drivers' joints move.
-fn check_sides(sided: &[(&String, Sided<'_>)], report: &mut Vec<Diagnostic>) {
+/// Masks that lie on the other side of what their drivers' joints move. Tells only where the base itself is not mirrored.
+pub(super) fn check_sides(
+    manifest: &Manifest,
+    folder: &Folder,
+    base: NamedMesh<'_>,
+    masks: &BTreeMap<String, Mask>,
+    report: &mut Vec<Diagnostic>,
+) {
+    let of_driver = |driver| {
+        let (name, mask) = mask_of(driver, folder, masks)?;
+        Some((name, side(driver, base.mesh, &vertex_values(base.mesh, |uv| mask.sample(uv)))?))
+    };
+    let sided: Vec<(&String, Sided<'_>)> = manifest.drivers.iter().filter_map(of_driver).collect();
     let is_wrong = |sided: &Sided<'_>| sided.middle.abs() > ASIDE && (sided.middle > 0.0) != sided.is_left;
     for (mask, own) in sided.iter().filter(|(_, sided)| is_wrong(sided)) {
         let mirrored: Vec<Bone> = own.bones.iter().map(|bone| bone.mirrored()).collect();

@@ -1,23 +1,34 @@
 //! Whether a shape is the base in another pose or size: the same vertices in the same order, unit and axes. The
 //! geometric tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
 
-use super::{NamedMesh, exchange, grouped, signature};
+use super::{NamedMesh, crushed, exchange, grouped, signature};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::folder::Folder;
 use crate::source::obj;
 use glam::Vec3;
+use std::collections::BTreeSet;
 
-/// Median edge ratio beyond which the unit is wrong.
+/// Median edge ratio beyond which the unit of a size is wrong.
 const UNIT_RATIO: f32 = 2.5;
+/// Median edge ratio beyond which a target is no other pose: on 55 drapes of one kimono it is 1.000, on other sizes 0.94 to 1.17.
+const SCALE: f32 = 1.015;
 /// An edge that is so many times longer than in the base (or so many times shorter) is no edge of the same cloth.
 const STRETCH: f32 = 4.0;
 /// Where more than this share of the edges is strained by more than [`STRAIN`], the vertices are in another order.
 const DISORDER: f64 = 0.25;
 /// See [`DISORDER`].
 const STRAIN: f32 = 1.5;
+/// Shapes that are nowhere farther apart were one before they were rounded, metres.
+const ROUNDING_M: f32 = 1e-3;
+/// Coordinates in such steps were rounded, metres.
+const STEP_M: f32 = 0.01;
 /// Displacement of the resting part, as a share of the base's height, beyond which the target is elsewhere.
 const DISPLACED: f32 = 0.05;
+/// The same where an obi says what rests.
+const DISPLACED_UNDER_OBI: f32 = 0.02;
+/// How far the part under the obi may turn, degrees.
+const TURNED_DEG: f64 = 4.0;
 
 /// What is known of the base before the targets are compared with it.
 pub(super) struct Reference<'a> {
@@ -27,6 +38,9 @@ pub(super) struct Reference<'a> {
     edges: Vec<[u32; 2]>,
     neighbours: Vec<Vec<u32>>,
     height_m: f32,
+    /// Median length of its edges, metres.
+    edge_m: f32,
+    has_obi: bool,
     /// Vertices that no arm moves: those under the obi, or all where there is none.
     resting: Vec<u32>,
     /// Faces as cycles from their least vertex, sorted.
@@ -49,6 +63,7 @@ impl<'a> Reference<'a> {
             };
             all.clone().filter(is_under).collect::<Vec<u32>>()
         };
+        let has_obi = obi.is_some();
         let resting = obi.map(under_obi).filter(|resting| resting.len() >= 3).unwrap_or_else(|| all.clone().collect());
         let mut corners = base.mesh.corners.clone();
         corners.sort_unstable();
@@ -59,6 +74,8 @@ impl<'a> Reference<'a> {
             file: base.file,
             mesh: base.mesh,
             positions_m,
+            edge_m: crushed::median_m(positions_m, &edges),
+            has_obi,
             edges,
             height_m: (high - low).max_element().max(f32::MIN_POSITIVE),
             resting,
@@ -76,7 +93,9 @@ pub(super) fn check(
     positions_m: &[Vec3],
     report: &mut Vec<Diagnostic>,
 ) -> bool {
-    let found = other_cloth(base, target, positions_m).or_else(|| displaced(base, positions_m));
+    let found = other_cloth(base, target, positions_m, SCALE)
+        .or_else(|| displaced(base, positions_m))
+        .or_else(|| turned(base, positions_m));
     report_found(found, target, report)
 }
 
@@ -87,17 +106,19 @@ pub(super) fn check_size(
     positions_m: &[Vec3],
     report: &mut Vec<Diagnostic>,
 ) -> bool {
-    report_found(other_cloth(base, shape, positions_m), shape, report)
+    report_found(other_cloth(base, shape, positions_m, UNIT_RATIO), shape, report)
 }
 
-/// Why the vertices are not those of the base.
-fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+/// Why the vertices are not those of the base; its edges may be `scale` times as long.
+fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3], scale: f32) -> Option<Mistake> {
     let by_program = |mistake| named_program(mistake, base, target.mesh);
-    differing_count(base, positions_m)
+    differing_count(base, target.mesh, positions_m)
         .map(by_program)
+        .or_else(|| no_cloth(base, positions_m))
         .or_else(|| wrong_unit(base, positions_m))
         .or_else(|| wrong_axes(base, positions_m))
         .or_else(|| differing_faces(base, target.mesh).map(by_program))
+        .or_else(|| scaled(base, positions_m, scale))
         .or_else(|| wrong_order(base, positions_m).map(by_program))
 }
 
@@ -107,26 +128,35 @@ fn report_found(found: Option<Mistake>, target: NamedMesh<'_>, report: &mut Vec<
     false
 }
 
-/// Reports shapes, each with its file, that are the base or another of them to the last digit, though `other` (pose or body)
-/// differs.
+/// Reports shapes, each with its file, that are the base or another of them but for rounding, though `other` (pose or body)
+/// differs. Gives the numbers of both.
 pub(super) fn check_copies(
     folder: &Folder,
     base: &ir::Surface,
     shapes: &[(&str, &[Vec3])],
     other: &str,
     report: &mut Vec<Diagnostic>,
-) {
+) -> BTreeSet<usize> {
+    let farthest_m = |a: &[Vec3], b: &[Vec3]| {
+        let is_near = |(a, b): (&Vec3, &Vec3)| a.distance_squared(*b) < ROUNDING_M * ROUNDING_M;
+        a.iter().zip(b).all(is_near).then(|| a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max(a.distance(*b))))
+    };
+    let mut copies = BTreeSet::new();
     for (i, (file, positions_m)) in shapes.iter().enumerate() {
-        let base = ("the base", &base.positions_m[..]);
-        let mut known = std::iter::once(&base).chain(&shapes[..i]);
-        if let Some((same, _)) = known.find(|(_, known_m)| known_m == positions_m) {
-            report.push(
-                Diagnostic::error("same-shape", folder.name_of(file).unwrap_or_default(), Place::File)
-                    .problem(format!("the shape is that of {same} to the last digit, though the {other} is another"))
-                    .help(format!("Export this {other} again; probably one file was saved twice.")),
-            );
-        }
+        let base = (None, "the base", &base.positions_m[..]);
+        let known = shapes[..i].iter().enumerate().map(|(j, (name, known_m))| (Some(j), *name, *known_m));
+        let mut known = std::iter::once(base).chain(known);
+        let found = known.find_map(|(j, same, known_m)| Some((j, same, farthest_m(known_m, positions_m)?)));
+        let Some((j, same, apart_m)) = found else { continue };
+        copies.extend(j.into_iter().chain([i]));
+        let how = if apart_m == 0.0 { "to the last digit" } else { "but for rounding" };
+        report.push(
+            Diagnostic::error("same-shape", folder.name_of(file).unwrap_or_default(), Place::File)
+                .problem(format!("the shape is that of {same} {how}, though the {other} is another"))
+                .help(format!("Export this {other} again; probably one file was saved twice.")),
+        );
     }
+    copies
 }
 
 /// A mistake found; its file is the target's.
@@ -152,7 +182,14 @@ fn named_program(mistake: Mistake, base: &Reference<'_>, target: &obj::Mesh) -> 
     }
 }
 
-fn differing_count(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+/// The pieces of the base that a mesh with named pieces lacks.
+fn lacking(base: &obj::Mesh, mesh: &obj::Mesh) -> Option<String> {
+    let lacking: Vec<&str> = base.parts.iter().filter(|part| !mesh.parts.contains(part)).map(String::as_str).collect();
+    let has_others = mesh.parts.iter().any(|part| base.parts.contains(part));
+    (has_others && !lacking.is_empty()).then(|| lacking.join(", "))
+}
+
+fn differing_count(base: &Reference<'_>, mesh: &obj::Mesh, positions_m: &[Vec3]) -> Option<Mistake> {
     let (has, wants) = (positions_m.len(), base.positions_m.len());
     if has == wants {
         return None;
@@ -181,12 +218,33 @@ fn differing_count(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake
             "Export base and targets with the same Weld setting, best with Weld on.",
         );
     }
+    let problem = format!("{has_text} vertices, but {file} has {wants_text}");
+    if let Some(lacking) = lacking(base.mesh, mesh) {
+        let help = "Select all pieces before exporting; hidden ones are left out by some programs.";
+        return mistake("vertex-count", format!("{problem}; these pieces are missing: {lacking}"), help);
+    }
+    if has == 2 * wants {
+        let help = "Export Thin, not Thick (Blender: without a Solidify modifier).";
+        return mistake("vertex-count", format!("{problem}: twice as many, the cloth has two layers"), help);
+    }
+    if has == wants + base.edges.len() {
+        let help = "Export without a Subdivision modifier; choose no other particle distance.";
+        return mistake("vertex-count", format!("{problem}: the mesh was subdivided"), help);
+    }
     mistake(
         "vertex-count",
-        format!("{has_text} vertices, but {file} has {wants_text}"),
+        problem,
         "Export base and targets from one and the same garment: same particle distance, no remeshing, same Thin, Weld and \
-         Multiple Objects settings.",
+         Multiple Objects settings (Blender: no Merge by Distance, Decimate or Subdivision).",
     )
+}
+
+fn no_cloth(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+    // In the unit of the file: a shape in centimetres is judged by its unit.
+    let ratio = median(edge_ratios(base, positions_m).map(|(_, ratio)| ratio).collect())?;
+    let edge_m = base.edge_m * if ratio > 0.0 { ratio } else { 1.0 };
+    let (code, problem, help) = crushed::find(positions_m, &base.edges, edge_m)?;
+    mistake(code, problem, help)
 }
 
 fn wrong_unit(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
@@ -200,6 +258,35 @@ fn wrong_unit(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         format!("the shape is {size} {}", base.file),
         "Export base and targets in the same unit; garment.toml's `unit` counts for all of them.",
     )
+}
+
+/// All of the cloth is larger or smaller than in the base.
+fn scaled(base: &Reference<'_>, positions_m: &[Vec3], scale: f32) -> Option<Mistake> {
+    let ratios: Vec<f32> = edge_ratios(base, positions_m).map(|(_, ratio)| ratio).collect();
+    let ratio = median(ratios.clone())?;
+    let is_alike = |of_edge: &&f32| (1.0 / STRAIN..=STRAIN).contains(&(**of_edge / ratio));
+    // In another order edges differ among themselves.
+    if (1.0 / scale..=scale).contains(&ratio)
+        || (ratios.iter().filter(is_alike).count() as f64) < (1.0 - DISORDER) * ratios.len() as f64
+    {
+        return None;
+    }
+    if positions_m.iter().all(|place_m| is_whole(place_m * (1.0 / STEP_M))) {
+        return mistake(
+            "rounded",
+            "all coordinates are whole centimetres: they were rounded when the file was written".to_owned(),
+            "Export with more decimals (of metres four or more).",
+        );
+    }
+    mistake(
+        "scale",
+        format!("the cloth is {ratio:.3} times as large as {}, though cloth hardly stretches", base.file),
+        "Export with scale 1 as the base was (Blender: apply the object's scale), and from the same body: another size is no pose.",
+    )
+}
+
+fn is_whole(steps: Vec3) -> bool {
+    (steps - steps.round()).abs().max_element() < 1e-3
 }
 
 /// `about 1000 times as large as`, `about 100 times as small as`.
@@ -264,6 +351,10 @@ fn differing_faces(base: &Reference<'_>, target: &obj::Mesh) -> Option<Mistake> 
     let Some(first) = first else {
         let (has, wants) = (grouped(target.faces.len()), grouped(base.mesh.faces.len()));
         let problem = format!("same vertex count, but {has} faces where {} has {wants}", base.file);
+        let problem = match lacking(base.mesh, target) {
+            Some(lacking) => format!("{problem}; these pieces are missing: {lacking}"),
+            None => problem,
+        };
         return mistake("faces", problem, help);
     };
     let (face, base_face) = (&target.faces[first], &base.mesh.faces[first]);
@@ -306,7 +397,11 @@ fn wrong_order(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         a + 1,
         b + 1
     );
-    mistake("stretched", problem, "Look whether the simulation broke there, and export again.")
+    mistake(
+        "stretched",
+        problem,
+        "Look whether the simulation broke there or had not come to rest, and whether a piece was moved alone; then export again.",
+    )
 }
 
 fn displaced(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
@@ -314,7 +409,8 @@ fn displaced(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         median(base.resting.iter().map(|&v| (positions_m[v as usize] - base.positions_m[v as usize])[i]).collect())
     };
     let moved = Vec3::new(axis(0)?, axis(1)?, axis(2)?);
-    if moved.length() <= DISPLACED * base.height_m {
+    let limit = if base.has_obi { DISPLACED_UNDER_OBI } else { DISPLACED };
+    if moved.length() <= limit * base.height_m {
         return None;
     }
     let problem = format!(
@@ -326,6 +422,38 @@ fn displaced(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         moved.z
     );
     mistake("displaced", problem, "Leave the body's hips where they are in every pose; only the joints may turn.")
+}
+
+/// The figure was turned as a whole: what lies under the obi turned about the vertical.
+fn turned(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
+    if !base.has_obi {
+        return None;
+    }
+    let middle = |places_m: &[Vec3]| {
+        let sum: Vec3 = base.resting.iter().map(|&v| places_m[v as usize]).sum();
+        sum / base.resting.len() as f32
+    };
+    let (from_m, to_m) = (middle(base.positions_m), middle(positions_m));
+    let (mut along, mut across) = (0.0, 0.0);
+    for &v in &base.resting {
+        let (a, b) = (base.positions_m[v as usize] - from_m, positions_m[v as usize] - to_m);
+        along += f64::from(a.x * b.x + a.z * b.z);
+        across += f64::from(a.z * b.x - a.x * b.z);
+    }
+    let angle_deg = libm::atan2(across, along).to_degrees();
+    if angle_deg.abs() <= TURNED_DEG {
+        return None;
+    }
+    let side = if angle_deg > 0.0 { "left" } else { "right" };
+    mistake(
+        "turned",
+        format!(
+            "what lies under the obi is turned by {:.0} degrees to the wearer's {side}, compared with {}",
+            angle_deg.abs(),
+            base.file
+        ),
+        "Leave the figure's hips and trunk as they are in every pose; only the joints of the table may turn.",
+    )
 }
 
 /// The edges that have a length, each with its length here against its length in the base.

@@ -2,9 +2,11 @@
 //! format.
 
 use crate::diagnostic::{Diagnostic, Place};
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use unicode_normalization::UnicodeNormalization;
 
 /// Longest file that is read, bytes.
 pub const FILE_BYTES: u64 = 256 << 20;
@@ -124,19 +126,64 @@ impl Folder {
         super::garment_ids(&self.root).unwrap_or_default().into_iter().filter(is_other).collect()
     }
 
-    /// A file beside the missing `name` whose name is nearly the same.
+    /// A file that may be meant by the missing `name`.
     #[must_use]
-    pub fn similar(&self, name: &str) -> Option<String> {
+    pub fn similar(&self, name: &str) -> Option<Similar> {
         let (dir, file) = name.rsplit_once('/')?;
-        let entries = fs::read_dir(self.root.join(dir)).ok()?;
-        let mut names: Vec<String> = entries
-            .flatten()
-            .filter(|entry| entry.path().is_file())
-            .filter_map(|entry| entry.file_name().into_string().ok())
-            .collect();
-        names.sort();
-        super::closest(file, names.iter().map(String::as_str)).map(str::to_owned)
+        let names = self.files(dir);
+        let same = |key: fn(&str) -> String| names.iter().find(|other| key(other) == key(file)).cloned();
+        if let Some(other) = same(composed) {
+            return Some(Similar::Marks(other));
+        }
+        if let Some(other) = same(plain) {
+            return Some(Similar::Width(other));
+        }
+        super::closest(file, names.iter().map(String::as_str)).map(|other| Similar::Other(other.to_owned()))
     }
+
+    /// Files that lie beside those of `names` and end as they do, but are not among `used`.
+    #[must_use]
+    pub fn unused<'a>(&self, names: impl Iterator<Item = &'a str>, used: &BTreeSet<String>) -> Vec<String> {
+        let ending = |name: &str| name.rsplit_once('.').map(|(_, ending)| ending.to_lowercase());
+        let places = names.filter_map(|name| Some((name.rsplit_once('/')?.0.to_owned(), ending(name)?)));
+        let places: BTreeSet<(String, String)> = places.collect();
+        let beside = |(dir, wanted): &(String, String)| {
+            let alike = self.files(dir).into_iter().filter(|file| ending(file).as_ref() == Some(wanted));
+            alike.map(|file| format!("{dir}/{file}")).collect::<Vec<String>>()
+        };
+        let visible = |name: &String| !name.contains("/.");
+        places.iter().flat_map(beside).filter(|name| visible(name) && !used.contains(name)).collect()
+    }
+
+    /// The names of the files in a folder of the assets folder, sorted.
+    fn files(&self, dir: &str) -> Vec<String> {
+        let Ok(entries) = fs::read_dir(self.root.join(dir)) else { return Vec::new() };
+        let files = entries.flatten().filter(|entry| entry.path().is_file());
+        let mut names: Vec<String> = files.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+        names.sort();
+        names
+    }
+}
+
+/// A file that may be meant by a name that no file has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Similar {
+    /// It looks the same: か with its mark as one character or as two, as Macs and some archives write it.
+    Marks(String),
+    /// The same but for full-width characters, or upper and lower case.
+    Width(String),
+    /// Nearly the same.
+    Other(String),
+}
+
+/// A name with every letter and its marks as one character (NFC).
+pub(crate) fn composed(name: &str) -> String {
+    name.nfc().collect()
+}
+
+/// A name without the difference of full and half width, upper and lower case.
+fn plain(name: &str) -> String {
+    name.nfkc().collect::<String>().to_lowercase()
 }
 
 /// The hash of a file's bytes as [`InputFile`] holds it.

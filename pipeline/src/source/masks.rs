@@ -68,6 +68,9 @@ fn decode(
         }
         _ => error.to_string(),
     };
+    if bytes.starts_with(b"\xff\xd8\xff") {
+        return Err("it is a JPEG, whatever its name says".to_owned());
+    }
     let mut decoder = Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(wrong)?;

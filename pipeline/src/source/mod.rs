@@ -21,8 +21,8 @@ pub mod units;
 use crate::diagnostic::{self, Diagnostic, Place, Severity};
 use crate::ir;
 use causes::Causes;
-use folder::Folder;
 pub use folder::InputFile;
+use folder::{Folder, Similar};
 use kitsuke::arrays::limits;
 use kitsuke::tailoring::RuleSet;
 use manifest::{Field, Manifest};
@@ -283,13 +283,22 @@ impl Citations<'_> {
 }
 
 fn missing_file(folder: &Folder, name: &str, cited_in: &str, place: &Place, error: &std::io::Error) -> Diagnostic {
-    let help = match folder.similar(name) {
-        Some(similar) => format!("Beside it lies `{similar}`; is that meant?"),
-        None => "Put the file there, or correct the path, which is relative to the garment folder.".to_owned(),
-    };
-    let reason = match error.kind() {
+    let mut reason = match error.kind() {
         std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
         _ => error.to_string(),
+    };
+    let help = match folder.similar(name) {
+        Some(Similar::Marks(_)) => {
+            reason += ", but one whose name looks the same and is written differently: letter and mark as two characters, as \
+                       Macs and some archives write them";
+            "Rename the file: type its name anew, then write it anew here, too.".to_owned()
+        }
+        Some(Similar::Width(similar)) => {
+            reason += &format!(", but `{similar}`: full-width characters, or upper and lower case, differ");
+            format!("Write {similar} here.")
+        }
+        Some(Similar::Other(similar)) => format!("Beside it lies `{similar}`; is that meant?"),
+        None => "Put the file there, or correct the path, which is relative to the garment folder.".to_owned(),
     };
     Diagnostic::error("file", cited_in, place.clone()).problem(format!("{name} cannot be read: {reason}")).help(help)
 }

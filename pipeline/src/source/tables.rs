@@ -126,6 +126,7 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
     }
     let (mut of_cells, mut of_rotations) = (Causes::default(), Causes::default());
     let mut rows = Vec::new();
+    let mut largest_deg: Option<f64> = None;
     for Row { line, cells, .. } in records {
         let mut row = PoseRow { line, file: String::new(), name: String::new(), rotations: Vec::new() };
         let mut parts = vec![Written::default(); bones.len()];
@@ -139,6 +140,9 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
                     let number = numbers::read(value);
                     let is_angle = matches!(column, Column::Angle(..));
                     let value_deg = number.as_ref().ok().copied();
+                    if let (true, Some(angle_deg)) = (is_angle, value_deg) {
+                        largest_deg = Some(largest_deg.unwrap_or(0.0).max(angle_deg.abs()));
+                    }
                     match is_angle {
                         true => parts[at].turn(*i, value_deg),
                         false => parts[at].add(*i, value, value_deg),
@@ -172,6 +176,9 @@ pub fn read_rotations(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) ->
     }
     of_cells.report("cell", report);
     of_rotations.report("rotation", report);
+    if report.len() == before && rows.len() > 1 {
+        check_radians(file, &header_place, largest_deg, report);
+    }
     (report.len() == before).then_some(PoseTable { bones, rows })
 }
 
@@ -262,6 +269,17 @@ impl Written {
             format!("has length {length:.4}, not 1"),
             "Columns are qx, qy, qz, qw in this order; 0, 0, 0, 1 is no rotation.".to_owned(),
         ))
+    }
+}
+
+/// Poses that turn no joint by more than a few degrees are angles in radians.
+fn check_radians(file: &str, header: &Place, largest_deg: Option<f64>, report: &mut Vec<Diagnostic>) {
+    if let Some(largest) = largest_deg.filter(|largest| (0.1..=std::f64::consts::PI).contains(largest)) {
+        report.push(
+            Diagnostic::error("pose-radians", file, header.clone())
+                .problem(format!("the largest angle of the table is {largest} degrees: these are radians"))
+                .help("Give the angles in degrees: multiply by 57.29578."),
+        );
     }
 }
 
