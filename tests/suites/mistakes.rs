@@ -125,6 +125,24 @@ fn step(place: &mut Workplace, step: &str) {
             }
             write(file, text.as_bytes());
         }
+        // Two layers, as Thick exports: the other one a millimetre or less inside, its faces turned over.
+        ["thicken", file] => {
+            let text = read_text(file);
+            let count = text.lines().filter(|line| line.starts_with("v ")).count();
+            let of = |start: &str| text.lines().filter(|line| line.starts_with(start)).collect::<Vec<_>>().join("\n");
+            let inner = with_vertices(&of("v "), |all| all.into_iter().map(|p| p.map(|x| 0.999 * x)).collect());
+            let faces = with_faces(&of("f "), |face| face);
+            let turned = with_faces(&of("f "), |face| face.into_iter().rev().map(|v| v + count).collect());
+            write(file, format!("{}\n{inner}{faces}{turned}", of("v ")).as_bytes());
+        }
+        // About the vertical.
+        ["turn", file, degrees] => {
+            let (sin, cos) = degrees.parse::<f64>().unwrap().to_radians().sin_cos();
+            let turn = |[x, y, z]: [f64; 3]| [cos * x + sin * z, y, cos * z - sin * x];
+            write(file, with_vertices(&read_text(file), |all| all.into_iter().map(turn).collect()).as_bytes());
+        }
+        // The beginning of a JPEG.
+        ["jpeg", file] => write(file, b"\xff\xd8\xff\xe0\x00\x10JFIF"),
         ["points", file] => {
             let text = read_text(file);
             let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with("f ")).collect();
