@@ -3,6 +3,7 @@
 
 pub mod container;
 pub mod doll;
+pub mod doors;
 pub mod hostile;
 pub mod motions;
 pub mod random;

@@ -23,6 +23,7 @@ mod skinning;
 mod suggest;
 mod tailor;
 mod texture;
+mod wasm;
 mod wearers;
 mod weld;
 
@@ -54,6 +55,7 @@ enum Verb {
     Suggest(suggest::Args),
     Tailor(tailor::Args),
     Texture(texture::Args),
+    Wasm(wasm::Args),
     Weld(weld::Args),
 }
 
@@ -80,6 +82,7 @@ fn main() -> ExitCode {
         Verb::Suggest(args) => suggest::run(args),
         Verb::Tailor(args) => tailor::run(args),
         Verb::Texture(args) => texture::run(args),
+        Verb::Wasm(args) => wasm::run(args),
         Verb::Weld(args) => weld::run(args),
     }
 }

@@ -351,6 +351,50 @@ kitsuke_status kitsuke_fitter_reach(const struct kitsuke_fitter *fitter,
                                     uint32_t dimension,
                                     struct kitsuke_reach *reach);
 
+// Makes a receiver for the wearer of a kimono.
+//
+// # Safety
+// `pack` must be null or a handle, `receiver` a place for a handle.
+kitsuke_status kitsuke_receiver_new(const struct kitsuke_pack *pack, struct kitsuke_receiver **receiver);
+
+// Frees a receiver.
+//
+// # Safety
+// `receiver` must be null or a handle that has not been freed.
+void kitsuke_receiver_free(struct kitsuke_receiver *receiver);
+
+// Takes a datagram that came at `now_s`, seconds on any clock that does not go back. `completed`, if not null, gets the number of poses
+// that it completed. Datagrams that are wrong are passed over.
+//
+// # Safety
+// `receiver` must be null or a handle that no other thread uses, `bytes` must point to `length` bytes, `completed` be null or a place
+// for a number.
+kitsuke_status kitsuke_receiver_datagram(struct kitsuke_receiver *receiver,
+                                         const uint8_t *bytes,
+                                         size_t length,
+                                         double now_s,
+                                         uint32_t *completed);
+
+// The last whole pose, held and without confidence when it is older than `stale_after_s`. `confidence` as for recorded motion;
+// `age_s`, if not null, gets the seconds since it came, infinite before the first.
+//
+// # Safety
+// `receiver` must be null or a handle, `pose` null or a place for a pose, `confidence` null or have room for as many numbers as there
+// are bones, `age_s` null or a place for a number.
+kitsuke_status kitsuke_receiver_pose(const struct kitsuke_receiver *receiver,
+                                     double now_s,
+                                     double stale_after_s,
+                                     int32_t axes,
+                                     struct kitsuke_pose *pose,
+                                     float (*confidence)[55],
+                                     double *age_s);
+
+// Takes the last whole pose as the sender's T-pose; [`Status::Range`] when there was none.
+//
+// # Safety
+// `receiver` must be null or a handle that no other thread uses.
+kitsuke_status kitsuke_receiver_calibrate(struct kitsuke_receiver *receiver);
+
 // Reads a recorded motion: BVH, .vrma, VRM, MediaPipe, Kinect, DeepMimic or JSON Lines, told apart by content.
 //
 // # Safety
@@ -401,49 +445,6 @@ kitsuke_status kitsuke_motion_pose_at(const struct kitsuke_motion *motion,
                                       double time_s,
                                       int32_t axes,
                                       struct kitsuke_pose *pose);
-
-// Makes a receiver for the wearer of a kimono.
-//
-// # Safety
-// `pack` must be null or a handle, `receiver` a place for a handle.
-kitsuke_status kitsuke_receiver_new(const struct kitsuke_pack *pack, struct kitsuke_receiver **receiver);
-
-// Frees a receiver.
-//
-// # Safety
-// `receiver` must be null or a handle that has not been freed.
-void kitsuke_receiver_free(struct kitsuke_receiver *receiver);
-
-// Takes a datagram that came at `now_s`, seconds on any clock that does not go back. `completed`, if not null, gets the number of poses
-// that it completed. Datagrams that are wrong are passed over.
-//
-// # Safety
-// `receiver` must be null or a handle that no other thread uses, `bytes` must point to `length` bytes, `completed` be null or a place
-// for a number.
-kitsuke_status kitsuke_receiver_datagram(struct kitsuke_receiver *receiver,
-                                         const uint8_t *bytes,
-                                         size_t length,
-                                         double now_s,
-                                         uint32_t *completed);
-
-// The last whole pose, held and without confidence when it is older than `stale_after_s`. `confidence` as in [`kitsuke_motion_pose`];
-// `age_s`, if not null, gets the seconds since it came, infinite before the first.
-//
-// # Safety
-// As [`kitsuke_motion_pose`]; `age_s` must be null or a place for a number.
-kitsuke_status kitsuke_receiver_pose(const struct kitsuke_receiver *receiver,
-                                     double now_s,
-                                     double stale_after_s,
-                                     int32_t axes,
-                                     struct kitsuke_pose *pose,
-                                     float (*confidence)[55],
-                                     double *age_s);
-
-// Takes the last whole pose as the sender's T-pose; [`Status::Range`] when there was none.
-//
-// # Safety
-// `receiver` must be null or a handle that no other thread uses.
-kitsuke_status kitsuke_receiver_calibrate(struct kitsuke_receiver *receiver);
 
 // Opens a pack. The bytes are not needed afterwards; they may be a stranger's.
 //

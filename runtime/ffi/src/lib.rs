@@ -15,7 +15,11 @@
 mod axes;
 mod buffer;
 mod evaluator;
+#[cfg(feature = "fit")]
 mod fit;
+#[cfg(feature = "vmc")]
+mod live;
+#[cfg(feature = "recordings")]
 mod motion;
 mod pack;
 mod pose;
@@ -26,15 +30,21 @@ pub use buffer::{Attribute, kitsuke_bytes_free, kitsuke_bytes_new};
 pub use evaluator::{
     KitsukeEvaluator, kitsuke_evaluate, kitsuke_evaluate_obi, kitsuke_evaluator_free, kitsuke_evaluator_new,
 };
+#[cfg(feature = "fit")]
 pub use fit::{
     FitInfo, KitsukeFitter, Reach, VerdictKind, kitsuke_fit, kitsuke_fitter_dimension_count, kitsuke_fitter_free,
     kitsuke_fitter_new, kitsuke_fitter_reach, kitsuke_fitter_rule_set_count, kitsuke_fitter_text,
     kitsuke_measurement_count, kitsuke_measurement_from_name, kitsuke_measurement_name,
 };
+#[cfg(feature = "vmc")]
+pub use live::{
+    KitsukeReceiver, kitsuke_receiver_calibrate, kitsuke_receiver_datagram, kitsuke_receiver_free,
+    kitsuke_receiver_new, kitsuke_receiver_pose,
+};
+#[cfg(feature = "recordings")]
 pub use motion::{
-    KitsukeMotion, KitsukeReceiver, MotionInfo, kitsuke_motion_free, kitsuke_motion_info, kitsuke_motion_note,
-    kitsuke_motion_open, kitsuke_motion_pose, kitsuke_motion_pose_at, kitsuke_receiver_calibrate,
-    kitsuke_receiver_datagram, kitsuke_receiver_free, kitsuke_receiver_new, kitsuke_receiver_pose,
+    KitsukeMotion, MotionInfo, kitsuke_motion_free, kitsuke_motion_info, kitsuke_motion_note, kitsuke_motion_open,
+    kitsuke_motion_pose, kitsuke_motion_pose_at,
 };
 pub use pack::{
     KitsukePack, PackInfo, Text, kitsuke_pack_free, kitsuke_pack_index_count, kitsuke_pack_indices, kitsuke_pack_info,

@@ -16,7 +16,11 @@ pub struct KitsukePack(pub(crate) Arc<Kimono>);
 
 pub(crate) enum Kimono {
     Pack(Box<Pack>),
-    Fitted { garment: Box<Garment>, accessories: Box<Accessories> },
+    #[cfg_attr(not(feature = "fit"), expect(dead_code, reason = "fits alone make them"))]
+    Fitted {
+        garment: Box<Garment>,
+        accessories: Box<Accessories>,
+    },
 }
 
 impl Kimono {

@@ -5,6 +5,8 @@ use crate::buffer::{given, put, slice, write_text};
 use crate::pack::KitsukePack;
 use crate::status::{Failure, Status, guarded};
 use kitsuke::glam::{Quat, Vec3};
+#[cfg(any(feature = "recordings", feature = "vmc"))]
+use kitsuke::skeleton::Tracked;
 use kitsuke::skeleton::{Bone, Pose};
 
 /// A pose: for every bone of VRM 1.0 the rotation relative to the T-pose in its parent's axes, which in the T-pose are the world's, and
@@ -103,4 +105,21 @@ pub(crate) unsafe fn put_if<T>(to: *mut T, value: T) {
 /// What is said of a number that names nothing.
 pub(crate) fn out_of_range(what: &str, number: usize, count: usize) -> Failure {
     (Status::Range, format!("there is no {what} {number}; there are {count}, numbered from 0"))
+}
+
+#[cfg(any(feature = "recordings", feature = "vmc"))]
+/// # Safety
+/// `pose` must be null or a place for a pose, `confidence` null or have room for as many numbers as there are bones.
+pub(crate) unsafe fn put_tracked(
+    tracked: &Tracked,
+    axes: Axes,
+    pose: *mut PoseData,
+    confidence: *mut [f32; Bone::COUNT],
+) -> Result<(), Failure> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        put("the pose", pose, PoseData::new(&tracked.pose, axes))?;
+        put_if(confidence, tracked.confidence);
+    }
+    Ok(())
 }

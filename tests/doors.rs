@@ -1,0 +1,95 @@
+//! What the tests of all doors share: a pack and poses for clients, what Rust makes of them, and how clients are run.
+
+use crate::{random, small_accessories, small_fit, small_garment};
+use glam::Vec3;
+use kitsuke::pack::write::write_with;
+use kitsuke::skeleton::Pose;
+use kitsuke::{Frame, Pack, Scratch, evaluate};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The folder of the project.
+#[must_use]
+pub fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+/// Poses that the clients read: 223 floats each, rotations by bone, then the hips.
+fn poses(count: usize) -> Vec<Pose> {
+    let mut numbers = random::Numbers(20);
+    (0..count).map(|_| numbers.pose()).collect()
+}
+
+fn as_floats(poses: &[Pose]) -> Vec<u8> {
+    let floats = poses.iter().flat_map(|pose| {
+        let rotations = pose.rotations.iter().flat_map(|rotation| rotation.to_array());
+        rotations.chain(pose.hips_translation_m.to_array()).collect::<Vec<f32>>()
+    });
+    floats.flat_map(f32::to_le_bytes).collect()
+}
+
+/// What Rust makes of these poses: positions, then normals, frame after frame.
+#[must_use]
+pub fn frames(pack: &[u8], poses: &[Pose]) -> Vec<u8> {
+    let pack = Pack::open(pack).unwrap();
+    let garment = pack.garment();
+    let mut scratch = Scratch::new(garment);
+    let [mut positions_m, mut normals] = [(); 2].map(|()| vec![Vec3::ZERO; garment.vertex_count()]);
+    let mut bytes = Vec::new();
+    for pose in poses {
+        evaluate(garment, pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+        let vectors = positions_m.iter().chain(&normals);
+        bytes.extend(vectors.flat_map(|vector| vector.to_array()).flat_map(f32::to_le_bytes));
+    }
+    bytes
+}
+
+/// A folder with a pack and poses, for clients.
+#[must_use]
+pub fn inputs() -> (tempfile::TempDir, Vec<u8>, Vec<Pose>) {
+    let folder = tempfile::tempdir().unwrap();
+    let pack = write_with(&small_garment(), &small_accessories(), Some(&small_fit())).unwrap();
+    let poses = poses(200);
+    fs::write(folder.path().join("garment.kitsuke"), &pack).unwrap();
+    fs::write(folder.path().join("poses.f32"), as_floats(&poses)).unwrap();
+    fs::copy(repository().join("assets-src/motions/two_arms.bvh"), folder.path().join("motion.bvh")).unwrap();
+    (folder, pack, poses)
+}
+
+/// Where cargo puts the libraries of this build.
+fn libraries() -> PathBuf {
+    // target/PROFILE/deps/suites-HASH
+    std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned()
+}
+
+/// Whether a program can be run; says what to install where it cannot.
+#[must_use]
+pub fn has(program: &str, from: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        eprintln!("skipped: there is no {program} ({from})");
+    }
+    found
+}
+
+/// What a program said; it must succeed.
+pub fn run(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{command:?}: {said}");
+    said
+}
+
+/// Builds the library for C, in the profile of this build and with the features that the whole workspace has, so that little is compiled
+/// anew.
+#[must_use]
+pub fn ffi_library() -> PathBuf {
+    let folder = libraries();
+    let profile = folder.file_name().unwrap().to_str().unwrap();
+    let profile = if profile == "debug" { "dev" } else { profile };
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(repository()).args(["build", "--quiet", "--workspace", "--lib", "--profile", profile]);
+    run(cargo.arg("--target-dir").arg(folder.parent().unwrap()));
+    folder.join("libkitsuke_ffi.a")
+}
