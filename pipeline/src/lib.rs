@@ -8,6 +8,7 @@ mod build;
 pub mod catalog;
 pub mod check;
 pub mod diagnostic;
+mod draft;
 pub mod ir;
 mod load;
 pub mod look;
@@ -17,4 +18,5 @@ pub mod source;
 pub mod stages;
 
 pub use build::{Built, StageRun, build_garment};
+pub use draft::draft;
 pub use load::{Loaded, load};

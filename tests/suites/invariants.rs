@@ -96,7 +96,7 @@ fn rooms_stand_on_the_floors_below_them() {
         &["diagnostic", "ir", "memo"],
         &["source", "look", "stages"],
         &["check", "measure"],
-        &["load", "build"],
+        &["load", "build", "draft"],
         &["catalog"],
     ];
     for (folder, floors) in [("runtime/src", runtime), ("pipeline/src", pipeline)] {

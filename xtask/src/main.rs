@@ -23,6 +23,7 @@ mod skinning;
 mod suggest;
 mod tailor;
 mod texture;
+mod view;
 mod wasm;
 mod wearers;
 mod weld;
@@ -55,6 +56,7 @@ enum Verb {
     Suggest(suggest::Args),
     Tailor(tailor::Args),
     Texture(texture::Args),
+    View(view::Args),
     Wasm(wasm::Args),
     Weld(weld::Args),
 }
@@ -82,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Suggest(args) => suggest::run(args),
         Verb::Tailor(args) => tailor::run(args),
         Verb::Texture(args) => texture::run(args),
+        Verb::View(args) => view::run(args),
         Verb::Wasm(args) => wasm::run(args),
         Verb::Weld(args) => weld::run(args),
     }

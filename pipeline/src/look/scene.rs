@@ -194,14 +194,8 @@ impl<'a> Scene<'a> {
         let data = self.garment.data();
         let unique: Vec<[u8; 3]> = match colours {
             Colours::Cloth => return None,
-            Colours::Regions => self.region_colours(),
-            Colours::Joints => {
-                let mix = |skin: &kitsuke::arrays::SkinWeights| {
-                    let parts = skin.joints.iter().zip(skin.weights);
-                    mixed(parts.map(|(&joint, weight)| (hue(usize::from(joint)), f32::from(weight) / 65535.0)))
-                };
-                data.skin.iter().map(mix).collect()
-            }
+            Colours::Regions => region_colours(self.garment),
+            Colours::Joints => joint_colours(self.garment),
             Colours::Error(full_m) => {
                 let file = self.source.and_then(|source| {
                     let target = source.targets.iter().find(|target| target.name == shot.name);
@@ -219,18 +213,6 @@ impl<'a> Scene<'a> {
         };
         let twins = data.mesh.twin_of.iter().map(|&v| unique[v as usize]);
         Some(unique.iter().copied().chain(twins).collect())
-    }
-
-    fn region_colours(&self) -> Vec<[u8; 3]> {
-        let mut colours = Vec::with_capacity(self.garment.unique_count());
-        for segment in &self.garment.data().segments {
-            for vertex in 0..segment.vertex_count as usize {
-                let width = segment.drivers.len();
-                let mask = |i: usize| segment.masks.get(vertex * width + i).map_or(1.0, |&m| f32::from(m) / 65535.0);
-                colours.push(mixed((0..width).map(|i| (hue(usize::from(segment.drivers[i])), mask(i)))));
-            }
-        }
-        colours
     }
 }
 
@@ -299,6 +281,30 @@ fn worn_over(garment: &Garment, band: &ir::Surface) -> Skinned {
     let weights = |skin: &SkinWeights| std::array::from_fn(|i| (skin.joints[i], f32::from(skin.weights[i]) / 65535.0));
     let skin = obi.skin.iter().map(weights).collect();
     Skinned::new(ir::Body { surface: band.clone(), skeleton: garment.data().skeleton.clone(), skin }, OBI)
+}
+
+/// One colour per unique vertex: the region masks, one hue per driver; grey belongs to none.
+#[must_use]
+pub fn region_colours(garment: &Garment) -> Vec<[u8; 3]> {
+    let mut colours = Vec::with_capacity(garment.unique_count());
+    for segment in &garment.data().segments {
+        for vertex in 0..segment.vertex_count as usize {
+            let width = segment.drivers.len();
+            let mask = |i: usize| segment.masks.get(vertex * width + i).map_or(1.0, |&m| f32::from(m) / 65535.0);
+            colours.push(mixed((0..width).map(|i| (hue(usize::from(segment.drivers[i])), mask(i)))));
+        }
+    }
+    colours
+}
+
+/// One colour per unique vertex: the joints that move it, mixed by skin weight.
+#[must_use]
+pub fn joint_colours(garment: &Garment) -> Vec<[u8; 3]> {
+    let mix = |skin: &SkinWeights| {
+        let parts = skin.joints.iter().zip(skin.weights);
+        mixed(parts.map(|(&joint, weight)| (hue(usize::from(joint)), f32::from(weight) / 65535.0)))
+    };
+    garment.data().skin.iter().map(mix).collect()
 }
 
 /// A colour of its own for every small number.
