@@ -88,6 +88,35 @@ fn step(place: &mut Workplace, step: &str) {
             let map = |p: [f64; 3]| [0, 1, 2].map(|i| axes[i].0 * p[axes[i].1] + axes[i].2);
             write(file, with_vertices(&read_text(file), |all| all.into_iter().map(map).collect()).as_bytes());
         }
+        // The same of texture coordinates, `x` for u and `y` for v.
+        ["map-uv", file, axes] => {
+            let axes: Vec<(f64, usize, f64)> = axes.split(' ').map(coordinate).collect();
+            let line = |line: &str| match line.strip_prefix("vt ") {
+                Some(uv) => {
+                    let uv: Vec<f64> = uv.split(' ').map(|number| number.parse().unwrap()).collect();
+                    let [u, v] = [0, 1].map(|i| axes[i].0 * uv[axes[i].1] + axes[i].2);
+                    format!("vt {u:.4} {v:.4}\n")
+                }
+                None => format!("{line}\n"),
+            };
+            write(file, read_text(file).lines().map(line).collect::<String>().as_bytes());
+        }
+        // A piece that was not selected when its vertices' faces were exported.
+        ["without", file, piece] => {
+            let mut is_in_piece = false;
+            let mut line = |line: &&str| {
+                is_in_piece = line.strip_prefix("g ").map_or(is_in_piece, |name| name == piece);
+                !is_in_piece
+            };
+            let text = read_text(file);
+            let left: Vec<&str> = text.lines().filter(|text| line(text)).collect();
+            write(file, left.join("\n").as_bytes());
+        }
+        ["invert", file] => {
+            let mut image = image::open(at(file)).unwrap().into_luma8();
+            image::imageops::invert(&mut image);
+            image.save(at(file)).unwrap();
+        }
         // Positions in reverse order under the same faces.
         ["reorder", file] => {
             let reversed = with_vertices(&read_text(file), |all| all.into_iter().rev().collect());
@@ -100,6 +129,16 @@ fn step(place: &mut Workplace, step: &str) {
                 all
             });
             write(file, exchanged.as_bytes());
+        }
+        // One vertex moved by x, y and z.
+        ["drag", file, vertex, by] => {
+            let by: Vec<f64> = by.split(' ').map(|number| number.parse().unwrap()).collect();
+            let dragged = with_vertices(&read_text(file), |mut all| {
+                let vertex = &mut all[vertex.parse::<usize>().unwrap() - 1];
+                *vertex = [0, 1, 2].map(|i| vertex[i] + by[i]);
+                all
+            });
+            write(file, dragged.as_bytes());
         }
         // Positions in reverse order, and the faces follow.
         ["renumber", file] => {
@@ -304,11 +343,18 @@ fn exchanged_vertices_of_the_sample_are_found_and_creases_are_not() {
     let mut place = Workplace { assets, id: "komon".to_owned() };
     assert_eq!(kitsuke_pipeline::load(&place.garment()).diagnostics, []);
     step(&mut place, "exchange | poses/05_right_down.obj | 5001 | 5002");
+    step(&mut place, "drag | poses/04_right_45.obj | 3001 | 0 0.02 0.03");
     step(&mut place, "exchange | poses/18_right_up_bent_left_down.obj | 301 | 9001");
     let diagnostics = kitsuke_pipeline::load(&place.garment()).diagnostics;
     let said: Vec<(&str, &str)> = diagnostics.iter().map(|d| (&*d.code, d.problem.as_str())).collect();
     let expected = |pair: &str| format!("vertices {pair} are exchanged, compared with komon/base.obj");
     let (first, second) = (expected("5001 and 5002"), expected("301 and 9001"));
+    let dragged = said.iter().find(|(code, _)| *code == "vertex-moved");
+    assert!(
+        dragged.is_some_and(|(_, problem)| problem.starts_with("vertex 3001 was moved by itself: it lies 3.")),
+        "{said:?}"
+    );
+    let said: Vec<(&str, &str)> = said.into_iter().filter(|(code, _)| *code != "vertex-moved").collect();
     assert_eq!(said, [("vertex-order", first.as_str()), ("vertex-order", second.as_str())]);
 }
 

@@ -15,6 +15,9 @@ const REMAINING: f32 = 0.4;
 /// pairs that were exchanged take away 1.6 or more on the sample.
 const SAVED: f32 = 0.75;
 
+/// The share of the strain that may remain when a vertex that was moved alone is put back.
+const MOVED: f32 = 0.1;
+
 /// The neighbours of each vertex.
 pub(super) fn neighbours(vertex_count: usize, edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut neighbours = vec![Vec::new(); vertex_count];
@@ -61,6 +64,42 @@ pub(super) fn exchanged(rest_m: &[Vec3], positions_m: &[Vec3], neighbours: &[Vec
     put_right
 }
 
+/// How often a place is drawn towards the lengths of its edges.
+const STEPS: usize = 30;
+
+/// Whether of a pair that seems exchanged only one was moved: putting that one alone where its edges have their lengths takes away as much strain
+/// about both. Gives it, and how far it was moved, metres.
+pub(super) fn moved_alone(
+    rest_m: &[Vec3],
+    positions_m: &[Vec3],
+    neighbours: &[Vec<u32>],
+    [a, b]: [u32; 2],
+) -> Option<(u32, f32)> {
+    let mut cloth = Cloth { rest_m, positions_m: positions_m.to_vec(), neighbours, edge_m: 1.0 };
+    let strain = |cloth: &Cloth<'_>| -> f32 {
+        let around = |vertex: u32| {
+            let at_m = cloth.positions_m[vertex as usize];
+            cloth
+                .edges(vertex)
+                .map(move |(end, rest_m)| cloth.edge_strain(at_m, cloth.positions_m[end as usize], rest_m))
+        };
+        around(a).chain(around(b)).sum()
+    };
+    let as_is = strain(&cloth);
+    cloth.positions_m.swap(a as usize, b as usize);
+    let exchanged = strain(&cloth);
+    cloth.positions_m.swap(a as usize, b as usize);
+    let put_back = [a, b].map(|vertex| {
+        let at_m = cloth.by_edges(vertex);
+        let moved_m = std::mem::replace(&mut cloth.positions_m[vertex as usize], at_m);
+        let left = strain(&cloth);
+        cloth.positions_m[vertex as usize] = moved_m;
+        (left, vertex, moved_m.distance(at_m))
+    });
+    let (left, vertex, by_m) = put_back.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (left < exchanged.min(MOVED * as_is)).then_some((vertex, by_m))
+}
+
 struct Cloth<'a> {
     rest_m: &'a [Vec3],
     positions_m: Vec<Vec3>,
@@ -89,6 +128,19 @@ impl Cloth<'_> {
         let before = around(a, at(a), at(b), b) + around(b, at(b), at(a), a);
         let after = around(a, at(b), at(a), b) + around(b, at(a), at(b), a);
         (after < REMAINING * before && before - after > SAVED).then_some(before - after)
+    }
+
+    /// Where a vertex lies when its edges have their lengths, from the middle of their other ends.
+    fn by_edges(&self, vertex: u32) -> Vec3 {
+        let ends: Vec<(Vec3, f32)> =
+            self.edges(vertex).map(|(end, rest_m)| (self.positions_m[end as usize], rest_m)).collect();
+        let count = ends.len().max(1) as f32;
+        let middle = ends.iter().map(|(end_m, _)| *end_m).sum::<Vec3>() / count;
+        let drawn = |at_m: Vec3, _| {
+            let wanted = ends.iter().map(|(end_m, rest_m)| *end_m + (at_m - *end_m).normalize_or_zero() * *rest_m);
+            wanted.sum::<Vec3>() / count
+        };
+        (0..STEPS).fold(middle, drawn)
     }
 
     /// The edges of a vertex that have a length at rest, each as its other end and that length.
@@ -148,6 +200,24 @@ mod tests {
         let pairs = [[14, 15], [40, 100], [66, 78]];
         pairs.iter().for_each(|&[a, b]: &[usize; 2]| wrong_m.swap(a, b));
         assert_eq!(exchanged(&rest_m, &wrong_m, &neighbours), pairs.map(|pair| pair.map(|v| v as u32)));
+    }
+
+    #[test]
+    fn a_vertex_that_was_dragged_is_told_from_an_exchange() {
+        let (rest_m, bent_m, neighbours) = sheet();
+        for vertex in [40u32, 66, 77] {
+            let mut wrong_m = bent_m.clone();
+            wrong_m[vertex as usize] += Vec3::new(0.0, 0.02, 0.03);
+            for pair in [[vertex, vertex + 1], [vertex + SIDE, vertex]] {
+                let (moved, by_m) = moved_alone(&rest_m, &wrong_m, &neighbours, pair).unwrap();
+                assert!(moved == vertex && (by_m - 0.036).abs() < 0.003, "{moved} by {by_m}");
+            }
+            for other in [vertex + 1, vertex + SIDE, vertex + 30] {
+                let mut wrong_m = bent_m.clone();
+                wrong_m.swap(vertex as usize, other as usize);
+                assert_eq!(moved_alone(&rest_m, &wrong_m, &neighbours, [vertex, other]), None);
+            }
+        }
     }
 
     /// Sound cloth, tightly folded, in which two vertices lie as if exchanged.

@@ -7,7 +7,9 @@ mod exchange;
 mod gaps;
 mod layers;
 mod mesh;
+mod moved;
 mod near_skin;
+mod paths;
 mod placement;
 mod pose_fit;
 mod pose_words;
@@ -17,6 +19,7 @@ mod sides;
 mod signature;
 mod size;
 mod target;
+mod texture;
 mod thick;
 
 use crate::diagnostic::{Diagnostic, Place, Severity};
@@ -28,20 +31,19 @@ use crate::source::obj;
 use crate::source::paths::Paths;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
-use crate::source::{closest, is_garment_id, rules};
+use crate::source::{is_garment_id, rules};
 use glam::{DVec3, Vec3};
 use kitsuke::accessories::Texture;
 use kitsuke::accessories::limits::TEXTURE_BYTES;
 use kitsuke::arrays::limits;
 use kitsuke::fit;
+use kitsuke::tailoring::RuleSet;
 use std::collections::BTreeSet;
 
 /// The budget where the manifest gives none.
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
 /// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
 const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
-/// How much a path may count in a fit.
-const LOAD: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 /// A file of the garment and the mesh in it.
 #[derive(Clone, Copy)]
@@ -91,17 +93,26 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let base_mesh = base_mesh.filter(|base| !base.mesh.faces.is_empty())?;
     let base = surface(base_mesh.mesh, &place);
     let obi = obi_mesh.map(|obi| surface(obi.mesh, &place));
+    let mut run = true;
     if let Some(paths) = &paths {
         let file = value(&manifest.paths).and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
-        check_paths(paths, &file, base_mesh.file, &base, report);
+        run = paths::check(paths, &file, base_mesh.file, &base, report);
     }
     if let Some((code, problem, help)) = crushed::find_in_base(&base) {
         // What is compared with it would be called wrong in its stead.
         report.push(Diagnostic::error(code, base_mesh.file, Place::File).problem(problem).help(help));
         return None;
     }
+    texture::check_base(base_mesh.file, &base, report);
     let near = body.as_ref().map_or(Vec::new(), |body| near_skin::pairs(&base.positions_m, body));
     let is_placed = body.as_ref().is_none_or(|body| placement::check(base_mesh, &base, unit, body, &near, report));
+    let own = sizes.as_ref().and_then(|table| table.rows.first());
+    if let (Some(paths), Some(own), true) = (&paths, own, run && is_placed) {
+        let file = value(&manifest.paths).and_then(|written| folder.name_of(written).ok()).unwrap_or_default();
+        let named: Vec<&RuleSet> =
+            rule_names(&manifest).filter_map(|(_, name)| rules.get(&rules::file(name))).collect();
+        paths::check_lengths(paths, &file, &base.positions_m, &own.measurements, &named, report);
+    }
     if is_placed {
         regions::check_sides(&manifest, &folder, base_mesh, &masks, report);
     }
@@ -110,21 +121,30 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
 
     let mut targets = Vec::new();
     let reference = target::Reference::new(base_mesh, &base, worn);
-    let rows = poses.iter().flat_map(|(table, _)| table.rows.iter().zip(poses::untwisted(table)).skip(1));
+    let mut written = Vec::new();
+    let rows =
+        poses.iter().flat_map(|(table, _)| table.rows.iter().zip(poses::untwisted(table)).zip(table.poses()).skip(1));
+    let shape_rows = poses.iter().flat_map(|(table, _)| table.rows.iter().skip(1).map(|row| &row.file));
+    let size_rows = sizes.iter().flat_map(|table| table.rows.iter().skip(1).map(|row| &row.file));
+    let others: Vec<NamedMesh<'_>> = shape_rows.chain(size_rows).filter_map(|written| mesh_of(written)).collect();
+    if target::check_base_alone(base_mesh, &others, &place, report) {
+        return None;
+    }
     // A file that two rows name is a mistake, already reported, and need not be held twice.
     let mut seen = BTreeSet::new();
-    for (row, rotations) in rows {
+    for ((row, rotations), pose) in rows {
         let Some(mesh) = mesh_of(&row.file).filter(|mesh| seen.insert(mesh.file)) else { continue };
         let positions_m: Vec<Vec3> = mesh.mesh.positions.iter().map(place).collect();
         if target::check(&reference, mesh, &positions_m, report) {
             let PoseRow { name, file, .. } = row.clone();
             targets.push(ir::TargetShape { name, file, layer: 0, rotations, positions_m });
+            written.push(pose);
         }
     }
     let shapes: Vec<(&str, &[Vec3])> = targets.iter().map(|t| (t.file.as_str(), &t.positions_m[..])).collect();
     let copies = target::check_copies(&folder, &base, &shapes, "pose", report);
     if let (Some(body), Some((table, file)), true) = (&body, &poses, is_placed) {
-        let mut found = pose_fit::faults(&base.positions_m, body, &near, &table.bones, &targets);
+        let mut found = pose_fit::faults(&base.positions_m, body, &near, &table.bones, &targets, &written);
         // That a copied shape is in no pose of its own is said already.
         found.retain(|fault| !matches!(fault, pose_fit::Fault::Row(target, ..) if copies.contains(target)));
         report.extend(found.iter().map(|fault| pose_words::diagnostic(fault, table, file, &targets)));
@@ -149,6 +169,8 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
                 rows.iter().zip(&shapes).map(|(row, shape): (&usize, &ir::SizeShape)| (*row, &shape.positions_m[..]));
             size::check_worn(&named, &bodies, &worn.collect::<Vec<_>>(), &base.positions_m, skeleton, report);
         }
+        let files = rows.iter().filter_map(|row| Some(mesh_of(&table.rows[*row].file)?.file));
+        texture::check_sizes(base_mesh.file, &base, &files.zip(&shapes).collect::<Vec<_>>(), report);
         let copies: Vec<(&str, &[Vec3])> = shapes.iter().map(|s| (s.file.as_str(), &s.positions_m[..])).collect();
         target::check_copies(&folder, &base, &copies, "body", report);
         if !paths.iter().flat_map(|paths| paths.0.values()).any(|path| path.rule.is_some()) {
@@ -170,6 +192,11 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     });
     if report.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return None;
+    }
+    // What targets move tells only where they are right.
+    if let (Some((table, _)), true) = (&poses, base_mesh.mesh.is_textured()) {
+        let of_base = (base_mesh, &base.positions_m[..]);
+        moved::check(&manifest, &folder, of_base, &masks, (&table.bones, &targets), report);
     }
     let (pose_bones, mut drivers) = (poses?.0.bones, drivers?);
     layers::assign(&mut drivers, &pose_bones, &mut targets);
@@ -269,7 +296,9 @@ fn check_id(folder: &Folder, report: &mut Vec<Diagnostic>) {
 
 /// Shapes that lie beside those of the table and that no row names.
 fn check_unused(folder: &Folder, table: &PoseTable, file: &str, used: &BTreeSet<String>, report: &mut Vec<Diagnostic>) {
-    let named: BTreeSet<String> = table.rows.iter().filter_map(|row| folder.name_of(&row.file).ok()).collect();
+    let named: Option<BTreeSet<String>> = table.rows.iter().map(|row| folder.name_of(&row.file).ok()).collect();
+    // Of a path that cannot be read nobody knows which file it means.
+    let Some(named) = named else { return };
     // Beside the base anything may lie.
     let targets = named.iter().map(String::as_str).filter(|name| name.matches('/').count() > 1);
     // Where a named file is missing, one that lies there is said to be meant.
@@ -325,67 +354,6 @@ fn check_name(manifest: &Manifest, file: &str, report: &mut Vec<Diagnostic>) {
                 .problem("the name is empty, too long, or has characters that cannot be printed")
                 .help(format!("Give 1 to {} bytes of printable text, for example \"小紋 komon\".", limits::NAME_BYTES)),
         );
-    }
-}
-
-/// Paths run along edges of the base.
-fn check_paths(paths: &Paths, file: &str, base_file: &str, base: &ir::Surface, report: &mut Vec<Diagnostic>) {
-    let edges = mesh::edges(&base.triangles);
-    let count = base.positions_m.len();
-    for (name, path) in &paths.0 {
-        if let (Some(field), Some(load)) = (&path.load, value(&path.load))
-            && !LOAD.contains(load)
-        {
-            report.push(
-                Diagnostic::error("path-load", file, field.place())
-                    .problem(format!("a load of {load} makes the path {name} count for nothing or for everything"))
-                    .help("Choose 0.001 to 1000; 1 is usual."),
-            );
-        }
-        if let (Some(field), Some(rule)) = (&path.rule, value(&path.rule))
-            && !rules::DIMENSIONS.iter().any(|(known, _)| known == rule)
-        {
-            let problem = match closest(rule, rules::DIMENSIONS.iter().map(|(known, _)| *known)) {
-                Some(similar) => format!("the rule sets have no dimension `{rule}`; did you mean `{similar}`?"),
-                None => format!("the rule sets have no dimension `{rule}`"),
-            };
-            let all: Vec<&str> = rules::DIMENSIONS.iter().map(|(known, _)| *known).collect();
-            report.push(
-                Diagnostic::error("path-rule", file, field.place())
-                    .problem(problem)
-                    .help(format!("The dimensions are {}.", all.join(", "))),
-            );
-        }
-        let Some(vertices) = &path.vertices else { continue };
-        let known: Vec<(Place, u32)> =
-            vertices.iter().filter_map(|field| Some((field.place(), *field.get()?))).collect();
-        if vertices.len() < 2 {
-            report.push(
-                Diagnostic::error("short-path", file, vertices.first().map_or(Place::File, Field::place))
-                    .problem(format!("the path {name} joins no two vertices"))
-                    .help("A path needs two or more vertices."),
-            );
-        }
-        for (place, vertex) in &known {
-            if *vertex as usize >= count {
-                report.push(
-                    Diagnostic::error("path-vertex", file, place.clone())
-                        .problem(format!("vertex {vertex} of the path {name} does not exist in {base_file}"))
-                        .help(format!("Vertices are numbered from 0 to {}.", count.saturating_sub(1))),
-                );
-            }
-        }
-        for pair in known.windows(2) {
-            let ((_, from), (place, to)) = (&pair[0], &pair[1]);
-            let is_edge = edges.binary_search(&[*from.min(to), *from.max(to)]).is_ok();
-            if !is_edge && (*from.max(to) as usize) < count {
-                report.push(
-                    Diagnostic::error("path-off-edge", file, place.clone())
-                        .problem(format!("no edge of {base_file} joins vertices {from} and {to} of the path {name}"))
-                        .help("Name every vertex on the way, from neighbour to neighbour, numbered from 0."),
-                );
-            }
-        }
     }
 }
 

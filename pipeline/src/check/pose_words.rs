@@ -1,6 +1,6 @@
 //! What is said of shapes that are not in the poses of their rows. Knows words alone; [`super::pose_fit`] finds the faults.
 
-use super::pose_fit::{Fault, Guess};
+use super::pose_fit::{Fault, Guess, ORDERS};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::tables::{PoseRow, PoseTable};
@@ -52,6 +52,15 @@ pub(super) fn diagnostic(fault: &Fault, table: &PoseTable, file: &str, targets: 
     }
 }
 
+/// What is said of each of [`super::pose_fit::ORDERS`].
+const ORDER_FITS: [&str; ORDERS.len()] = [
+    "angles turned in another order fit better, for example first about Z, then Y, then X",
+    "angles turned in another order fit better, for example first about X, then Z, then Y",
+    "angles turned in another order fit better, for example first about Y, then X, then Z",
+    "angles turned in another order fit better, for example first about Y, then Z, then X",
+    "angles turned in another order fit better, for example first about Z, then X, then Y",
+];
+
 fn said_of_guess(guess: Guess) -> &'static str {
     match guess {
         Guess::Negated => "every rotation the other way fits",
@@ -59,6 +68,8 @@ fn said_of_guess(guess: Guess) -> &'static str {
         Guess::Mirrored => "the mirrored pose fits",
         Guess::Half => "half the angles fit",
         Guess::Double => "twice the angles fit",
+        Guess::World => "read as rotations of the world, not of the joint above, they fit better",
+        Guess::Order(number) => ORDER_FITS[number],
         Guess::Row(_) | Guess::Unknown => "nothing that is known fits",
     }
 }
@@ -72,6 +83,12 @@ fn help_of_guess(guess: Guess, is_whole_table: bool) -> &'static str {
             "A quaternion holds half the angle: qw = cos(angle / 2), and qx, qy, qz = axis times sin(angle / 2)."
         }
         Guess::Double => "A quaternion holds half the angle, not a quarter: qw = cos(angle / 2).",
+        Guess::World => {
+            "Give each joint's rotation relative to the joint that it hangs on: multiply it by the inverse of that one's, from the left."
+        }
+        Guess::Order(_) => {
+            "Angles turn first about X, then Y, then Z, of axes that stay: choose this order where they are written, or give quaternions."
+        }
         Guess::Row(_) => {
             "Look whether the file was exported again after the pose was changed, and whether it has the right name."
         }

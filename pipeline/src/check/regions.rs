@@ -82,7 +82,7 @@ pub(super) fn check(
 }
 
 /// The mask of a driver, with its file, where it has one that could be read.
-fn mask_of<'a>(
+pub(super) fn mask_of<'a>(
     driver: &DriverEntry,
     folder: &Folder,
     masks: &'a BTreeMap<String, Mask>,
@@ -91,7 +91,7 @@ fn mask_of<'a>(
 }
 
 /// For each vertex the mean of `value` over its distinct texture coordinates; 0 where it has none.
-fn vertex_values(mesh: &obj::Mesh, value: impl Fn(Vec2) -> f32) -> Vec<f32> {
+pub(super) fn vertex_values(mesh: &obj::Mesh, value: impl Fn(Vec2) -> f32) -> Vec<f32> {
     let pair = |corner: &obj::Corner| Some((corner.vertex, corner.uv?));
     let mut pairs: Vec<(u32, u32)> = mesh.corners.iter().filter_map(pair).collect();
     pairs.sort_unstable();

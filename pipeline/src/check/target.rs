@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::folder::Folder;
 use crate::source::obj;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
 /// Median edge ratio beyond which the unit of a size is wrong.
@@ -120,6 +120,32 @@ fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3]
         .or_else(|| differing_faces(base, target.mesh).map(by_program))
         .or_else(|| scaled(base, positions_m, scale))
         .or_else(|| wrong_order(base, positions_m).map(by_program))
+}
+
+/// Reports a base whose vertices or faces are others than those that all other shapes have alike, which would else be blamed one by one;
+/// true when it is.
+pub(super) fn check_base_alone(
+    base: NamedMesh<'_>,
+    others: &[NamedMesh<'_>],
+    place: &dyn Fn(&DVec3) -> Vec3,
+    report: &mut Vec<Diagnostic>,
+) -> bool {
+    let [first, second, ..] = others else { return false };
+    let count = |shape: &NamedMesh<'_>| (shape.mesh.positions.len(), shape.mesh.faces.len());
+    if first.file == second.file
+        || count(first) == count(&base)
+        || others.iter().any(|other| count(other) != count(first))
+    {
+        return false;
+    }
+    let surface = super::surface(first.mesh, place);
+    let usual = Reference::new(NamedMesh { file: "every other shape", mesh: first.mesh }, &surface, None);
+    let base_m: Vec<Vec3> = base.mesh.positions.iter().map(place).collect();
+    let found = differing_count(&usual, base.mesh, &base_m).or_else(|| differing_faces(&usual, base.mesh));
+    let found = found.map(|mistake| named_program(mistake, &usual, base.mesh));
+    let help = "Export the base again as all the others: the same pieces, particle distance, Thin, Weld and Multiple Objects settings, no remeshing; \
+                or, if the base is right, all the others.";
+    !report_found(found.map(|mistake| Mistake { help: help.to_owned(), ..mistake }), base, report)
 }
 
 fn report_found(found: Option<Mistake>, target: NamedMesh<'_>, report: &mut Vec<Diagnostic>) -> bool {
@@ -348,10 +374,11 @@ fn differing_faces(base: &Reference<'_>, target: &obj::Mesh) -> Option<Mistake> 
         let problem = format!("every face is turned over, compared with {}", base.file);
         return mistake("flipped", problem, "Export without mirroring and without flipping normals.");
     }
-    let Some(first) = first else {
+    let missing = lacking(base.mesh, target);
+    let Some(first) = first.filter(|_| missing.is_none()) else {
         let (has, wants) = (grouped(target.faces.len()), grouped(base.mesh.faces.len()));
         let problem = format!("same vertex count, but {has} faces where {} has {wants}", base.file);
-        let problem = match lacking(base.mesh, target) {
+        let problem = match missing {
             Some(lacking) => format!("{problem}; these pieces are missing: {lacking}"),
             None => problem,
         };
@@ -379,6 +406,16 @@ fn wrong_order(base: &Reference<'_>, positions_m: &[Vec3]) -> Option<Mistake> {
         return mistake("vertex-order", problem, help);
     }
     let pairs = exchange::exchanged(base.positions_m, positions_m, &base.neighbours);
+    let moved = |pair: [u32; 2]| exchange::moved_alone(base.positions_m, positions_m, &base.neighbours, pair);
+    if let Some((vertex, by_m)) = pairs.first().filter(|_| pairs.len() == 1).and_then(|pair| moved(*pair)) {
+        let problem = format!(
+            "vertex {} was moved by itself: it lies {:.1} cm from where the edges around it have it in {}",
+            vertex + 1,
+            100.0 * by_m,
+            base.file
+        );
+        return mistake("vertex-moved", problem, "Move it back, or export the shape again as it came to rest.");
+    }
     if let Some([a, b]) = pairs.first() {
         let more = match pairs.len() - 1 {
             0 => String::new(),

@@ -78,7 +78,32 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Po
         }
     }
     causes.report("row", report);
+    check_axes(file, bytes, &table, report);
     (report.len() == before).then_some(table)
+}
+
+/// A joint that lacks the column of one axis, about which the joint of the other side turns.
+fn check_axes(file: &str, bytes: &[u8], table: &PoseTable, report: &mut Vec<Diagnostic>) {
+    let Some(Cells { header, header_place, .. }) = read_csv(file, bytes, ROWS, &mut Vec::new()) else { return };
+    let columns: Vec<Column> = header.iter().map(|name| column(file, name, &header_place, &mut Vec::new())).collect();
+    for (&bone, axis) in table.bones.iter().flat_map(|bone| [0, 1, 2].map(|axis| (bone, axis))) {
+        let has = |bone: Bone, axis: usize| columns.contains(&Column::Angle(bone, axis));
+        let lacks_one = !has(bone, axis) && (0..3).all(|other| other == axis || has(bone, other));
+        let other = bone.mirrored();
+        let turns = |row: &PoseRow| {
+            let at = table.bones.iter().position(|bone| *bone == other);
+            at.is_some_and(|at| row.rotations[at].to_array()[axis].abs() > 1e-3)
+        };
+        if lacks_one && other != bone && has(other, axis) && table.rows.iter().any(turns) {
+            let (missing, known) =
+                (format!("{}_{}_deg", bone.name(), ANGLES[axis]), format!("{}_{}_deg", other.name(), ANGLES[axis]));
+            report.push(
+                Diagnostic::error("pose-column", file, header_place.clone())
+                    .problem(format!("the column {missing} is missing, though there is {known}"))
+                    .help(format!("Add {missing}; 0 is no rotation.")),
+            );
+        }
+    }
 }
 
 /// Reads only what a list of poses needs: the rotations. `file` and `name` may be absent, and files need not exist.
