@@ -24,8 +24,10 @@ const NOWHERE: f32 = 0.25;
 /// Masks nowhere farther apart are one.
 const SAME: f32 = 0.02;
 
-/// A mask as it may have been meant.
-const TURNS: [(&str, &str, fn(Vec2) -> Vec2); 5] = [
+type Turn = fn(Vec2) -> Vec2;
+
+/// How a mask may have been turned, and what to do with it.
+const TURNS: [(&str, &str, Turn); 5] = [
     ("turned over from top to bottom", "turn it over", |uv| Vec2::new(uv.x, 1.0 - uv.y)),
     ("turned over from left to right", "turn it over", |uv| Vec2::new(1.0 - uv.x, uv.y)),
     ("turned by 180 degrees", "turn it back", |uv| Vec2::new(1.0 - uv.x, 1.0 - uv.y)),

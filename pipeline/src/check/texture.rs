@@ -179,7 +179,7 @@ fn wrong_piece(base: &Surface, positions_m: &[Vec3], uv: &[Vec2], run: Range<usi
         return Some(format!("turned by {:.0} degrees", (turned_deg / 5.0).round() * 5.0));
     }
     let scale = libm::sqrt(has / wanted);
-    if scale > SCALE || scale < 1.0 / SCALE {
+    if !(1.0 / SCALE..=SCALE).contains(&scale) {
         return Some(format!("{scale:.1} times as large as this cloth's"));
     }
     None
