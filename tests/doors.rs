@@ -1,4 +1,4 @@
-//! What the tests of all doors share: a pack and poses for clients, what Rust makes of them, and how clients are run.
+//! What the tests of all doors need: a pack and poses for clients, what Rust makes of them, compilers and the native library.
 
 use crate::{random, small_accessories, small_fit, small_garment};
 use glam::Vec3;
@@ -9,10 +9,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The folder of the project.
+/// The root of the work tree.
 #[must_use]
 pub fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ is in the repository")
 }
 
 /// Poses that the clients read: 223 floats each, rotations by bone, then the hips.
@@ -30,6 +30,9 @@ fn as_floats(poses: &[Pose]) -> Vec<u8> {
 }
 
 /// What Rust makes of these poses: positions, then normals, frame after frame.
+///
+/// # Panics
+/// When the pack does not open.
 #[must_use]
 pub fn frames(pack: &[u8], poses: &[Pose]) -> Vec<u8> {
     let pack = Pack::open(pack).unwrap();
@@ -45,7 +48,10 @@ pub fn frames(pack: &[u8], poses: &[Pose]) -> Vec<u8> {
     bytes
 }
 
-/// A folder with a pack and poses, for clients.
+/// A folder with a pack, poses and a motion, for clients; the pack and the poses.
+///
+/// # Panics
+/// When they cannot be written.
 #[must_use]
 pub fn inputs() -> (tempfile::TempDir, Vec<u8>, Vec<Pose>) {
     let folder = tempfile::tempdir().unwrap();
@@ -63,17 +69,20 @@ fn libraries() -> PathBuf {
     std::env::current_exe().unwrap().parent().unwrap().parent().unwrap().to_owned()
 }
 
-/// Whether a program can be run; says what to install where it cannot.
+/// Whether a program is there; says so where it is not.
 #[must_use]
-pub fn has(program: &str, from: &str) -> bool {
+pub fn has(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
     if !found {
-        eprintln!("skipped: there is no {program} ({from})");
+        eprintln!("skipped: there is no {program}");
     }
     found
 }
 
-/// What a program said; it must succeed.
+/// What a program prints.
+///
+/// # Panics
+/// When it fails.
 pub fn run(command: &mut Command) -> String {
     let output = command.output().unwrap();
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
@@ -82,7 +91,10 @@ pub fn run(command: &mut Command) -> String {
 }
 
 /// Builds the library for C, in the profile of this build and with the features that the whole workspace has, so that little is compiled
-/// anew.
+/// anew. The static one's file; the dynamic one lies beside it.
+///
+/// # Panics
+/// When cargo fails.
 #[must_use]
 pub fn ffi_library() -> PathBuf {
     let folder = libraries();
@@ -92,4 +104,17 @@ pub fn ffi_library() -> PathBuf {
     cargo.current_dir(repository()).args(["build", "--quiet", "--workspace", "--lib", "--profile", profile]);
     run(cargo.arg("--target-dir").arg(folder.parent().unwrap()));
     folder.join("libkitsuke_ffi.a")
+}
+
+/// The first example of a page in this language, which must be short.
+///
+/// # Panics
+/// When there is none.
+#[must_use]
+pub fn example(page: &str, language: &str) -> String {
+    let text = fs::read_to_string(repository().join(page)).unwrap();
+    let (_, rest) = text.split_once(&format!("```{language}\n")).expect("an example");
+    let (example, _) = rest.split_once("```").expect("its end");
+    assert!(example.lines().count() < 30, "{page}: longer than 30 lines");
+    example.to_owned()
 }

@@ -6,6 +6,7 @@ mod bodies;
 mod build;
 mod covered;
 mod doors;
+mod doors_csharp;
 mod doors_web;
 mod fit;
 mod fit_data;
