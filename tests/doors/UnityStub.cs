@@ -1,5 +1,5 @@
-// A stub, not Unity: the few declarations of UnityEngine on which runtime/unity relies, written down from its documentation (2021.3),
-// so that a compiler sees that the Unity layer is well-formed. Nothing here does anything.
+// A stub, not Unity: the few declarations of UnityEngine on which runtime/unity relies, compared with Unity's published C# source, so
+// that a compiler sees that the Unity layer is well-formed. Nothing here does anything.
 
 using System;
 using UnityEngine.Rendering;

@@ -42,8 +42,11 @@ namespace Kitsuke.Unity
         private Wearer wears;
         private double timeS;
 
-        /// <summary>The pose last shown; to be set by scripts where there is neither wearer nor motion.</summary>
+        /// <summary>What is shown where there is neither wearer nor motion.</summary>
         public Pose Pose { get; set; }
+
+        /// <summary>The pose in which the kimono was last shown.</summary>
+        public Pose Shown { get; private set; }
 
         /// <summary>The kimono, once there is one: its counts, names and paths.</summary>
         public Pack Pack => opened;
@@ -108,16 +111,18 @@ namespace Kitsuke.Unity
         private void LateUpdate()
         {
             if (opened == null) return;
+            var pose = Pose;
             if (playing != null)
             {
-                Pose = playing.PoseAt(timeS, Axes.Unity);
+                pose = playing.PoseAt(timeS, Axes.Unity);
                 timeS += Time.deltaTime * (double)speed;
                 if (timeS > playing.LengthS) timeS = 0;
             }
-            else if (wears != null) Pose = wears.Pose();
-            if (limit) Pose = opened.Limited(Axes.Unity, Pose, out _);
-            if (playing != null || limit) wears?.Show(Pose);
-            meshes.Show(Pose);
+            else if (wears != null) pose = wears.Pose();
+            if (limit) pose = opened.Limited(Axes.Unity, pose, out _);
+            if (playing != null || limit) wears?.Show(pose);
+            meshes.Show(pose);
+            Shown = pose;
         }
 
         private void ShowTexture(byte[] png, Renderer renderer)

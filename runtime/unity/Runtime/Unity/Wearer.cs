@@ -18,7 +18,7 @@ namespace Kitsuke.Unity
     internal sealed class Wearer
     {
         private readonly Rig rig;
-        private readonly Transform root;
+        private readonly Transform root, hipsBone;
         private readonly Transform[] bones = new Transform[Bones.Count];
         private readonly Rotation[] now = new Rotation[Bones.Count];
 
@@ -28,6 +28,7 @@ namespace Kitsuke.Unity
             root = animator.transform;
             rig = new Rig(pack, Axes.Unity);
             foreach (var bone in rig.Bones) bones[(int)bone] = animator.GetBoneTransform(Humanoid(bone));
+            hipsBone = animator.GetBoneTransform(HumanBodyBones.Hips);
             Record(tPose);
         }
 
@@ -46,14 +47,14 @@ namespace Kitsuke.Unity
         {
             for (var i = 0; i < bones.Length; i++)
                 if (bones[i] != null) now[i] = OfModel(bones[i]);
-            var hips = root.InverseTransformPoint(bones[(int)Bone.Hips].position);
+            var hips = root.InverseTransformPoint(hipsBone.position);
             return rig.Pose(now, new Place(hips.x, hips.y, hips.z));
         }
 
         internal void Show(Pose pose)
         {
             var hips = rig.Stand(pose, now);
-            bones[(int)Bone.Hips].position = root.TransformPoint(new Vector3(hips.X, hips.Y, hips.Z));
+            hipsBone.position = root.TransformPoint(new Vector3(hips.X, hips.Y, hips.Z));
             // Parents first: a child's rotation is set after those above it have moved it.
             for (var i = 0; i < rig.Bones.Count; i++)
             {
