@@ -52,7 +52,7 @@ fn compiled(program: &Path, flags: &[&str], files: &[PathBuf]) {
 
 fn mono(program: &Path) -> Command {
     let mut mono = Command::new("mono");
-    mono.env("LD_LIBRARY_PATH", ffi_library().parent().unwrap()).arg(program);
+    mono.env("LD_LIBRARY_PATH", ffi_library().parent().unwrap()).env("LC_ALL", "C.UTF-8").arg(program);
     mono
 }
 
@@ -107,6 +107,7 @@ fn the_bindings_are_those_of_the_header() {
     let read = |path: &str| fs::read_to_string(repository().join(path)).unwrap();
     let mut header = names(&read("runtime/ffi/include/kitsuke.h"));
     header.retain(|name| !name.starts_with("bytes_"));
+    assert!(header.contains("evaluate") && header.contains("fitter_reach"));
     assert_eq!(header, names(&read("runtime/unity/Runtime/Bindings/Native.cs")));
     let abi = format!("const uint Abi = {};", kitsuke_abi_version());
     assert!(read("runtime/unity/Runtime/Bindings/Native.cs").contains(&abi), "the bindings follow another header");
