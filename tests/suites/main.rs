@@ -7,6 +7,7 @@ mod build;
 mod covered;
 mod doors;
 mod doors_csharp;
+mod doors_view;
 mod doors_web;
 mod fit;
 mod fit_data;

@@ -104,11 +104,11 @@ function frame() {
     each.cloth.object.visible = visible;
     if (each.band) each.band.object.visible = visible && $("obi").checked;
   }
-  show(kimono, pose, beside ? -0.9 : 0);
-  if (beside) show(shown.b, pose, 0.9);
+  show(kimono, pose, beside ? -0.75 : 0);
+  if (beside) show(shown.b, pose, 0.75);
   if (shown.wearer) {
     shown.wearer.object.visible = $("wearer").checked && !shown.fitted;
-    shown.wearer.object.position.x = beside ? -0.9 : 0;
+    shown.wearer.object.position.x = beside ? -0.75 : 0;
     shown.wearer.show(pose, bone);
   }
   tint(kimono, pose);
@@ -301,7 +301,7 @@ $("rules").addEventListener("change", () => attempt(fit));
 
 async function take(file) {
   const bytes = await file.arrayBuffer();
-  const magic = new TextDecoder("latin1").decode(new Uint8Array(bytes, 1, Math.min(7, Math.max(bytes.byteLength - 1, 0))));
+  const magic = new TextDecoder("latin1").decode(new Uint8Array(bytes).subarray(1, 8));
   if (magic === "kitsuke") {
     const dressed = await dress(kitsuke.openPack(bytes));
     undress(shown.b);
