@@ -137,10 +137,17 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
         assert!(target.max_mm <= 0.25, "{}: {} mm", target.name, target.max_mm);
         assert!(target.mean_mm <= 0.05, "{}: {} mm on average", target.name, target.mean_mm);
     }
-    for file in ["index.toml", "packs/komon.kitsuke"] {
+    for file in ["index.toml", "packs/komon.kitsuke", "reports/komon.html"] {
         let bytes = |place: &Place| fs::read(place.catalog().join(file)).unwrap();
         assert!(bytes(&one) == bytes(&two), "{file} differs between one thread and two");
     }
+    // The report needs nothing else, and the page beside it links it.
+    let report = fs::read_to_string(one.catalog().join("reports/komon.html")).unwrap();
+    let asked: Vec<&str> = report.match_indices("src=\"").map(|(at, _)| &report[at + 5..at + 27]).collect();
+    assert_eq!(asked, ["data:image/png;base64,"]);
+    assert!(!report.contains("href") && report.contains("No warnings.") && report.contains("<td>袖丈<td>"));
+    assert!(komon.targets.iter().all(|target| report.contains(&format!("<td>{}<td>", target.name))));
+    assert!(fs::read_to_string(one.catalog().join("reports/index.html")).unwrap().contains("href=\"komon.html\""));
     let committed = index::read(&repository().join("catalog/index.toml")).unwrap().0;
     assert_eq!(
         index::differences(&committed, &index::read(&one.catalog().join("index.toml")).unwrap().0),

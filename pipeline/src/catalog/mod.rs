@@ -6,6 +6,7 @@
 mod emit;
 pub mod index;
 mod last_build;
+mod report;
 
 use crate::build::{Built, StageRun, build_garment};
 use crate::diagnostic::{Diagnostic, Place};
@@ -184,6 +185,7 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
     let mut changes = index::differences(&old, &new);
     let gone = unreadable.iter().filter(|id| !ids.contains(id));
     changes.extend(gone.map(|id| format!("{id}: is in the index, but its garment is gone")));
+    let mut reported = false;
     for (garment, pack) in &results {
         let Some(pack) = pack else { continue };
         let agrees = old.get(&garment.id) == new.get(&garment.id);
@@ -198,11 +200,17 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
                 write_renamed(&path, &pack.bytes)?;
             }
             write_renamed(&options.record_path(&garment.id), pack.record.to_text().as_bytes())?;
+            write_renamed(&options.report_path(&garment.id), pack.report.as_bytes())?;
+            reported = true;
         }
+    }
+    if reported {
+        write_renamed(&options.report_path("index"), report::index(&new).as_bytes())?;
     }
     if options.mode == Mode::Write {
         for id in old.keys().chain(&unreadable).filter(|id| !new.contains_key(*id) && !ids.contains(id)) {
             remove(&options.pack_path(id))?;
+            remove(&options.report_path(id))?;
         }
         if old != new || !unreadable.is_empty() || !index_path.exists() {
             write_renamed(&index_path, index::to_text(&new).as_bytes())?;
@@ -214,6 +222,10 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
 impl Options {
     fn pack_path(&self, id: &str) -> PathBuf {
         pack_path(&self.catalog, id)
+    }
+
+    fn report_path(&self, id: &str) -> PathBuf {
+        self.catalog.join("reports").join(format!("{id}.html"))
     }
 
     fn record_path(&self, id: &str) -> PathBuf {
@@ -278,6 +290,8 @@ struct Job<'a> {
 /// A pack to be written, with the record of its build.
 struct NewPack {
     bytes: Vec<u8>,
+    /// In HTML.
+    report: String,
     record: LastBuild,
 }
 
@@ -323,6 +337,7 @@ impl Job<'_> {
                     report.diagnostics.extend(remainder_warnings(id, &built));
                     let entry = Entry::new(&built, target_bytes(&built.pack));
                     pack = Some(NewPack {
+                        report: report::html(&garment, &built, &entry, &report.diagnostics, &self.options.assets),
                         record: LastBuild {
                             builder: self.builder.to_owned(),
                             pack: entry.blake3.clone(),

@@ -1,5 +1,7 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
+mod doors;
+
 use crate::compare_packs;
 use crate::places::{Places, ended, in_workspace, write_whole};
 use glam::Vec3;
@@ -89,6 +91,16 @@ fn bench(args: &Args) -> Result<(), String> {
     let (_, bytes) = args.places.read_pack(&args.garment)?;
     note("open_ms_median", json!(rounded(open_ms(&bytes))));
     note("pack_bytes", json!(bytes.len()));
+    // The same few frames through all doors, Rust's first.
+    let few: Vec<Pose> = motion.poses.iter().step_by(8).cloned().collect();
+    let rust_us = measure_frames(garment, &few).median(|frame| frame.whole_us);
+    note("doors_rust_frame_us_median", json!(rounded(rust_us)));
+    for (key, value) in doors::measure(&bytes, &few)? {
+        if key.ends_with("frame_us_median") {
+            note(&key.replace("us_median", "ratio"), json!(rounded(value / rust_us)));
+        }
+        note(&key, json!(rounded(value)));
+    }
     let targets = pack.sections().iter().find(|section| section.tag == layout::TGTS);
     note("pack_target_bytes", json!(targets.map_or(0, |section| section.stored_length)));
     if let Some(fit) = pack.fit_data().map_err(|error| error.to_string())? {
