@@ -142,10 +142,13 @@ await until(() => document.querySelector("#status").textContent === "built");
 
 // Colours, and the shape before against the one that was saved.
 await page.select("#sample", "left_45");
-for (const kind of ["strain", "regions", "checker"]) {
+console.log(await page.evaluate(() => document.querySelector("#nearest").textContent));
+for (const kind of ["strain", "regions", "checker", "inside"]) {
   await page.select("#colours", kind);
   await picture(kind);
 }
+await until(() => document.querySelector("#scale").textContent.includes("in the body"));
+await picture("inside");
 copyFileSync(join(assets, "../catalog/packs/komon.kitsuke"), join(hostile, "b.kitsuke"));
 await (await page.$("#second")).uploadFile(join(hostile, "b.kitsuke"));
 await until(() => document.querySelector("#caption").textContent.startsWith("pack B"));

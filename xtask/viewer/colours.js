@@ -38,6 +38,17 @@ export function moved(positions, others) {
   return Float32Array.from({ length: positions.length / 3 }, (_, v) => distance(positions, v, others, v));
 }
 
+/** How far two poses are from each other in these bones: the root of the summed squared angles, degrees. */
+export function apart(a, b, bones) {
+  let sum = 0;
+  for (const bone of bones) {
+    const [p, q] = [a.rotation(bone), b.rotation(bone)];
+    const dot = Math.min(1, Math.abs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]));
+    sum += ((360 / Math.PI) * Math.acos(dot)) ** 2;
+  }
+  return Math.sqrt(sum);
+}
+
 /** Blue below 0, grey at 0, red above; full at `full`. */
 export function diverging(values, full) {
   return painted(values, (value) => {

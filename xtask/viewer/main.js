@@ -2,12 +2,13 @@
 // new pack comes.
 
 import { ready } from "/kitsuke.js";
-import { diverging, directions, edges, heat, moved, strain } from "/colours.js";
+import { apart, diverging, directions, edges, heat, moved, strain } from "/colours.js";
 import { options, quaternion, save, slider, turns } from "/controls.js";
 import { Band, Cloth, Stage, Wearer, texture } from "/stage.js";
 
 const STRAIN_FULL = 0.1;
 const MOVED_FULL_M = 0.01;
+const DEPTH_FULL_M = 0.01;
 const ANGLE = { min: -180, max: 180, step: 1, unit: "degrees" };
 const SIDES = [["rx", "X"], ["ry", "Y"], ["rz", "Z"]];
 
@@ -64,7 +65,10 @@ async function load({ id, pack: version }) {
   shown.colours.clear();
   stage.remove(shown.wearer);
   shown.wearer = await bytesOf(`/garments/${id}/wearer`).then((buffer) => stage.add(new Wearer(buffer)), () => null);
-  options($("sample"), dressed.pack.targets.slice(0, dressed.pack.targets.length - dressed.pack.correctiveCount), [["", "by hand"]]);
+  leaveOut(shown.wearer, id);
+  const samples = dressed.pack.targets.slice(0, dressed.pack.targets.length - dressed.pack.correctiveCount);
+  shown.samples = [["the T-pose", kitsuke.pose()], ...samples.map((name, i) => [name, dressed.pack.targetPose(i)])];
+  options($("sample"), samples, [["", "by hand"]]);
   if (isOther) {
     makeJoints();
     makeMeasurements();
@@ -75,6 +79,16 @@ async function load({ id, pack: version }) {
   shown.fitted = null;
   if (measurements.size > 0 && dressed.pack.hasSizes) await fit();
   await recolour();
+}
+
+/** Skin that the cloth always covers is left out as soon as it is known, which takes seconds. */
+async function leaveOut(wearer, id) {
+  if (!wearer) return;
+  const covered = await bytesOf(`/garments/${id}/covered`).catch(() => null);
+  if (covered && shown.wearer === wearer) {
+    wearer.without(new Uint8Array(covered));
+    stage.draw();
+  }
 }
 
 // ---- the frame
@@ -97,6 +111,7 @@ function frame() {
   } else {
     $("held").textContent = "";
   }
+  tellNearest(pose);
   const beside = shown.b && $("beside").checked;
   for (const each of [shown.a, shown.fitted, shown.b]) {
     if (!each) continue;
@@ -128,10 +143,37 @@ function show(kimono, pose, aside) {
   }
 }
 
+/** The sample whose pose is nearest, over all joints of the pose table. */
+function tellNearest(pose) {
+  const bones = shown.facts.bones.map(bone);
+  let [nearest, least] = ["", Infinity];
+  for (const [name, sample] of shown.samples) {
+    const degrees = apart(pose, sample, bones);
+    if (degrees < least) [nearest, least] = [name, degrees];
+  }
+  $("nearest").textContent = `nearest sample: ${nearest}, ${least.toFixed(0)} degrees away`;
+}
+
+/** How deep the cloth lies in the wearer, as the server measures it; asked again when the pose rests. */
+function askDepths(kimono, pose) {
+  const asked = pose.data.slice();
+  clearTimeout(askDepths.soon);
+  askDepths.soon = setTimeout(async () => {
+    const response = await fetch(`/garments/${shown.id}/depths`, { method: "POST", body: asked });
+    if (!response.ok || $("colours").value !== "inside" || kimono !== shown.a) return;
+    const found = new Float32Array(await response.arrayBuffer());
+    kimono.cloth.paint(heat(found, DEPTH_FULL_M));
+    const most = found.reduce((most, metres) => Math.max(most, metres), 0);
+    $("scale").textContent = `red is ${1000 * DEPTH_FULL_M} mm in the body and more; at most ${(1000 * most).toFixed(1)} mm`;
+    stage.draw();
+  }, 200);
+}
+
 /** Colours that depend on the pose. */
 function tint(kimono, pose) {
   const { evaluator, cloth } = kimono;
   const kind = $("colours").value;
+  if (kind === "inside" && kimono === shown.a) askDepths(kimono, pose);
   if (kind === "normals") cloth.paint(directions(evaluator.normals));
   if (kind === "strain") {
     kimono.edges ??= edges(kimono.pack.indices(), kimono.rest);

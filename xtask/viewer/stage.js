@@ -205,6 +205,18 @@ export class Wearer {
     this.object.frustumCulled = false;
   }
 
+  /** Leaves out the triangles whose corners are all covered (1 per vertex, else 0): skin that the cloth hides need not be drawn. */
+  without(covered) {
+    const { geometry } = this.object;
+    this.whole ??= geometry.index.array;
+    const kept = [];
+    for (let t = 0; t < this.whole.length; t += 3) {
+      const corners = this.whole.subarray(t, t + 3);
+      if (!corners.every((v) => covered[v] === 1)) kept.push(...corners);
+    }
+    geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from(kept), 1));
+  }
+
   /** Takes a pose; `bone` gives a bone's number by its name. */
   show(pose, bone) {
     this.joints.forEach((joint, i) => this.bones[i].quaternion.fromArray(pose.rotation(bone(joint.bone))));

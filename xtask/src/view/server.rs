@@ -3,16 +3,19 @@
 use super::state::State;
 use super::wearer;
 use axum::Router;
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{Path, Query, Request, State as Shared};
 use axum::http::{HeaderValue, StatusCode, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
+use glam::{Quat, Vec3};
 use kitsuke::arrays::Certificate;
 use kitsuke::fit::FitData;
 use kitsuke::measurement::Measurement;
+use kitsuke::skeleton::{Bone, Pose};
 use kitsuke_pipeline::look::scene::{joint_colours, region_colours};
+use kitsuke_pipeline::measure;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -53,6 +56,8 @@ pub async fn serve(state: Arc<State>, address: SocketAddr) -> Result<(), String>
         .route("/state", get(changes))
         .route("/garments/{id}/pack", get(pack))
         .route("/garments/{id}/wearer", get(body))
+        .route("/garments/{id}/covered", get(covered))
+        .route("/garments/{id}/depths", post(depths))
         .route("/garments/{id}/facts", get(facts))
         .route("/garments/{id}/colours/{kind}", get(colours))
         .route("/motions", get(motions))
@@ -104,6 +109,41 @@ async fn pack(Shared(state): Shared<Arc<State>>, Path(id): Path<String>) -> Resp
 
 async fn body(Shared(state): Shared<Arc<State>>, Path(id): Path<String>) -> Response {
     state.source(&id).map_or_else(missing, |source| binary(wearer::bytes(&source.body)))
+}
+
+/// Per vertex of the wearer 1 where the cloth always covers her, else 0. Takes seconds, in a thread of its own.
+async fn covered(Shared(state): Shared<Arc<State>>, Path(id): Path<String>) -> Response {
+    let found = tokio::task::spawn_blocking(move || {
+        let (pack, source) = (state.pack(&id)?, state.source(&id)?);
+        Some(measure::covered::covered(pack.garment(), &source.body))
+    });
+    let flags = found.await.ok().flatten();
+    flags.map_or_else(missing, |flags| binary(flags.into_iter().map(u8::from).collect()))
+}
+
+/// Per vertex of the kimono how deep it lies in the wearer in this pose, metres as 32-bit floats. The request is the pose: 223 such floats,
+/// rotations by bone and the hips.
+async fn depths(Shared(state): Shared<Arc<State>>, Path(id): Path<String>, pose: Bytes) -> Response {
+    let (floats, rest) = pose.as_chunks::<4>();
+    if !rest.is_empty() || floats.len() != 4 * Bone::COUNT + 3 {
+        return (StatusCode::BAD_REQUEST, "a pose is 223 floats").into_response();
+    }
+    let floats: Vec<f32> = floats.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    let mut pose = Pose { hips_translation_m: Vec3::from_slice(&floats[4 * Bone::COUNT..]), ..Pose::REST };
+    for (rotation, floats) in pose.rotations.iter_mut().zip(floats.as_chunks::<4>().0) {
+        *rotation = Quat::from_array(*floats);
+    }
+    let found = tokio::task::spawn_blocking(move || {
+        let (pack, source) = (state.pack(&id)?, state.source(&id)?);
+        let garment = pack.garment();
+        let mut depths_m = vec![0.0; garment.unique_count()];
+        for depth in measure::audit::pose_depths(&source.body, garment, 0, &pose) {
+            depths_m[depth.vertex as usize] = depth.depth_m;
+        }
+        let mesh = &garment.data().mesh;
+        Some((0..garment.vertex_count() as u32).flat_map(|v| depths_m[mesh.unique(v) as usize].to_le_bytes()).collect())
+    });
+    found.await.ok().flatten().map_or_else(missing, binary)
 }
 
 /// Three bytes per vertex.
