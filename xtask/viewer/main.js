@@ -237,6 +237,7 @@ function makeJoints() {
 
 /** Puts the sliders where a pose is. */
 function takePose(pose) {
+  say("");
   byHand.data.set(pose.data);
   for (const [name, { now, sliders }] of joints) {
     now.splice(0, 3, ...turns(pose.rotation(bone(name))));
