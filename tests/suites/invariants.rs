@@ -165,7 +165,14 @@ fn unsafe_stands_at_the_c_border_and_in_the_counting_allocator_alone() {
     let border = repository().join("runtime/ffi");
     let mut folders = ["runtime", "live", "pipeline", "xtask"].map(rust_files).concat();
     folders.retain(|file| !file.starts_with(&border));
-    assert_eq!(uses(&folders, &["unsafe"]), [""; 0]);
+    // The keyword, not the word: compilers of other languages have options of this name.
+    let keyword = ["{", "fn", "impl", "extern", "trait", "("]
+        .map(|next| ["unsafe ", "unsafe"].map(|word| format!("{word}{next}")));
+    for path in folders {
+        let text = fs::read_to_string(&path).unwrap();
+        let found = text.lines().find(|line| keyword.iter().flatten().any(|keyword| line.contains(keyword.as_str())));
+        assert_eq!(found, None, "{}", path.display());
+    }
     for manifest in ["Cargo.toml", "xtask/Cargo.toml"] {
         let text = fs::read_to_string(repository().join(manifest)).unwrap();
         assert!(text.contains("unsafe_code = \"forbid\""), "{manifest}");

@@ -14,7 +14,7 @@ use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_
 use kitsuke_pipeline::look::scene::{Colours, Framing, Scene, View};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes, side_by_side};
 use kitsuke_pipeline::look::texture::Texture;
-use kitsuke_tests::{small_garment, small_garment_data};
+use kitsuke_tests::{random, small_garment, small_garment_data};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -379,5 +379,24 @@ fn komon_comes_back_in_the_order_of_its_files() {
         let mean_m = errors.iter().sum::<f32>() / errors.len() as f32;
         let limits_m = if file == "base.obj" { (1e-6, 1e-6) } else { (0.05e-3, 0.035e-3) };
         assert!(max_m <= limits_m.0 && mean_m <= limits_m.1, "{file}: max {max_m} m, mean {mean_m} m");
+    }
+}
+
+/// What is drawn and exported is what an app shows, to the bit, also where a recording's rotations are not quite of length 1.
+#[test]
+fn frames_are_those_of_the_runtime() {
+    let garment = small_garment();
+    let mut stage = Stage::new(&garment);
+    let mut scratch = Scratch::new(&garment);
+    let mut numbers = random::Numbers(3);
+    let [mut positions_m, mut normals] = [(); 2].map(|()| vec![Vec3::ZERO; garment.vertex_count()]);
+    for _ in 0..50 {
+        let mut pose = numbers.pose();
+        for rotation in &mut pose.rotations {
+            *rotation *= 1.0 + 1e-4 * numbers.signed();
+        }
+        evaluate(&garment, &pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+        let shot = Shot { name: String::new(), pose, blend: Blend::Kernel(garment.kernel()) };
+        assert_eq!(stage.show(&shot), (&positions_m[..], &normals[..]));
     }
 }

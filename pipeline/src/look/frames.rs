@@ -67,7 +67,8 @@ impl<'a> Stage<'a> {
     pub fn show(&mut self, shot: &Shot) -> (&[Vec3], &[Vec3]) {
         let frame = Frame { positions_m: &mut self.positions_m, normals: &mut self.normals };
         match shot.blend {
-            Blend::Kernel(kernel) => self.garment.blend_rates(kernel, &shot.pose, &mut self.rates),
+            // As the runtime does: the rates are those of the pose with usable numbers.
+            Blend::Kernel(kernel) => self.garment.blend_rates(kernel, &shot.pose.sanitised(), &mut self.rates),
             Blend::Alone(target) => {
                 self.rates.clear();
                 for driver in 0..self.garment.data().drivers.len() {
