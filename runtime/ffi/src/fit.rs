@@ -209,13 +209,13 @@ pub unsafe extern "C" fn kitsuke_fit(
             // SAFETY: as the caller promises.
             unsafe { put_struct("info", info, &found) }?;
         }
-        *last = Some(fit);
+        let fit = &*last.insert(fit);
         if fitted.is_null() {
             return Ok(());
         }
         let make = || {
             let base = kimono.garment();
-            let garment = tailor.fitted(base, &wearer, rules as usize).map_err(|error| fails(&error))?.garment;
+            let garment = tailor.made(base, fit).map_err(|error| fails(&error))?;
             let [base_m, fitted_m] = [base, &garment].map(|garment| &garment.data().mesh.positions_m);
             let own = kimono.accessories();
             let obi = own.obi.as_ref().map(|obi| obi.fitted(base_m, fitted_m));

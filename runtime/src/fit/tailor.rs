@@ -69,13 +69,21 @@ impl Tailor {
     /// When a measurement is missing that the rules need.
     pub fn fitted(&self, garment: &Garment, wearer: &Measurements, rules: usize) -> Result<Fitted, TailorError> {
         let fit = self.fitter.fit(wearer, rules, &mut Scratch::default())?;
+        Ok(Fitted { garment: self.made(garment, &fit)?, fit })
+    }
+
+    /// The kimono of a fit that [`Tailor::fitter`] found.
+    ///
+    /// # Errors
+    /// When what comes out is no garment.
+    pub fn made(&self, garment: &Garment, fit: &Fit) -> Result<Garment, TailorError> {
         let mut positions_m = vec![Vec3::ZERO; garment.unique_count()];
-        self.fitter.shape(&fit, &mut positions_m);
+        self.fitter.shape(fit, &mut positions_m);
         let joints_m = self.fitter.data().joints_m(&fit.neighbours);
         let tailored = self.transfer.tailored(garment, &positions_m, &joints_m)?;
-        let Some(texturer) = &self.texturer else { return Ok(Fitted { fit, garment: tailored }) };
+        let Some(texturer) = &self.texturer else { return Ok(tailored) };
         let mut data: GarmentData = tailored.data().clone();
         texturer.correct(&positions_m, &fit.weights, &mut TextureScratch::new(texturer), &mut data.mesh.uv);
-        Ok(Fitted { fit, garment: Garment::new(data)? })
+        Ok(Garment::new(data)?)
     }
 }
