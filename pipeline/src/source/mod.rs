@@ -6,6 +6,7 @@ pub(crate) mod causes;
 mod delimited;
 pub mod folder;
 pub mod formula;
+pub mod import;
 pub mod manifest;
 pub mod masks;
 pub mod measurements;
