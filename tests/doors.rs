@@ -90,8 +90,8 @@ pub fn run(command: &mut Command) -> String {
     said
 }
 
-/// Builds the library for C, in the profile of this build and with the features that the whole workspace has, so that little is compiled
-/// anew. The static one's file; the dynamic one lies beside it.
+/// Builds the library for C in the profile of this build, and nothing else of the workspace. The static one's file; the dynamic one lies
+/// beside it.
 ///
 /// # Panics
 /// When cargo fails.
@@ -101,7 +101,7 @@ pub fn ffi_library() -> PathBuf {
     let profile = folder.file_name().unwrap().to_str().unwrap();
     let profile = if profile == "debug" { "dev" } else { profile };
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(repository()).args(["build", "--quiet", "--workspace", "--lib", "--profile", profile]);
+    cargo.current_dir(repository()).args(["build", "--quiet", "-p", "kitsuke-ffi", "--lib", "--profile", profile]);
     run(cargo.arg("--target-dir").arg(folder.parent().unwrap()));
     folder.join("libkitsuke_ffi.a")
 }

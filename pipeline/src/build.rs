@@ -9,6 +9,7 @@ use crate::stages::{
     weld,
 };
 use glam::Vec3;
+use kitsuke::Accessories;
 use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
@@ -34,6 +35,8 @@ pub struct Built {
     pub pack: Vec<u8>,
     /// The garment in it.
     pub garment: Garment,
+    /// What comes with it in the pack.
+    pub accessories: Accessories,
     /// What fitting it needs; `None` when it has no sizes.
     pub fit: Option<FitData>,
     /// How far each target lies from its file.
@@ -178,7 +181,7 @@ pub fn build_garment(
     let inside: Vec<Depth> = found.iter().map(depth).collect();
     audit::keep_budget(&audit::deepest(&inside), &garment, source)?;
     tell("audit", None, origin);
-    Ok(Built { pack, garment, fit, quality, inside, remainders, skin, masks, deltas })
+    Ok(Built { pack, garment, accessories, fit, quality, inside, remainders, skin, masks, deltas })
 }
 
 /// How much of each vertex hangs from the shoulders, 0 to 1: there a kimono rests, whatever its size.

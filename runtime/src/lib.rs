@@ -91,6 +91,7 @@ pub mod skeleton;
 pub mod sparse_cholesky;
 #[cfg(feature = "fit")]
 pub mod tailoring;
+mod vertex_normals;
 
 pub use accessories::Accessories;
 pub use arrays::InvalidGarment;
@@ -101,3 +102,4 @@ pub use glam;
 pub use pack::{OpenError, Pack};
 pub use pose_blend::Rates;
 pub use reach::Limited;
+pub use vertex_normals::vertex_normals;

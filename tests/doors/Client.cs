@@ -75,7 +75,10 @@ static class Client
         var obi = new Vector[info.ObiVertexCount];
         var obiThere = new Vector[info.ObiVertexCount];
         evaluator.EvaluateObi<Vector>(poses[0], obi);
-        inUnity.EvaluateObi<Vector>(ForUnity(poses[0]), obiThere);
+        var (obiNormals, obiNormalsThere) = (new Vector[obi.Length], new Vector[obi.Length]);
+        inUnity.EvaluateObi<Vector>(ForUnity(poses[0]), obiThere, obiNormalsThere);
+        evaluator.EvaluateObi<Vector>(poses[0], obi, obiNormals);
+        Console.WriteLine($"normals of the obi: {Enumerable.Range(0, obi.Length).Count(v => !Same(Mirrored(obiNormalsThere[v]), obiNormals[v]))} differ; head hangs on {Bones.Parent(Bone.Head)}, hips on {Bones.Parent(Bone.Hips)?.ToString() ?? "nothing"}");
         Console.WriteLine($"obi: {Enumerable.Range(0, obi.Length).Count(v => !Same(Mirrored(obiThere[v]), obi[v]))} differ, {pack.ObiIndices(Axes.Unity).Max()} is the last vertex of {obi.Length}");
         pack.Limited(Axes.Gltf, poses[0], out var turnedRad);
         Console.WriteLine($"limited: turned back: {turnedRad > 0}; target 0 turns {Enumerable.Range(0, Bones.Count).Count(b => Math.Abs(pack.TargetPose(Axes.Gltf, 0)[(Bone)b].W) < 0.999)} bone");

@@ -159,7 +159,17 @@ int main(int count, char **arguments) {
     /* The obi, the pose as the kimono allows it, a bone by name. */
     float *obi = malloc(info.obi_vertex_count * 12);
     kitsuke_attribute to_obi = planar(obi, info.obi_vertex_count);
-    ok(kitsuke_evaluate_obi(evaluator, &poses[0], &to_obi), "obi");
+    float *obi_normals = malloc(info.obi_vertex_count * 12);
+    kitsuke_attribute to_obi_normals = planar(obi_normals, info.obi_vertex_count);
+    ok(kitsuke_evaluate_obi(evaluator, &poses[0], &to_obi, &to_obi_normals), "obi");
+    ok(kitsuke_evaluate_obi(evaluator, &poses[0], &to_obi, NULL), "obi without normals");
+    double longest = 0;
+    for (uint32_t v = 0; v < info.obi_vertex_count; v++) {
+        const float *n = obi_normals + 3 * v;
+        longest = fmax(longest, fabs(sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) - 1));
+    }
+    printf("normals of the obi are of length 1: %s; leftHand hangs on %d, hips on %d, 99 on %d\n", longest < 1e-5 ? "yes" : "no",
+           (int)kitsuke_bone_parent(20), (int)kitsuke_bone_parent(0), (int)kitsuke_bone_parent(99));
     kitsuke_pose limited;
     float turned;
     ok(kitsuke_limit(pack, KITSUKE_AXES_GLTF, &poses[0], &limited, &turned), "limit");
@@ -256,7 +266,7 @@ int main(int count, char **arguments) {
     kitsuke_evaluator_free(evaluator);
     kitsuke_pack_free(pack);
     kitsuke_pack_free(NULL);
-    free(bytes); free(poses); free(positions); free(normals); free(mixed); free(corners); free(own_corners); free(obi);
+    free(bytes); free(poses); free(positions); free(normals); free(mixed); free(corners); free(own_corners); free(obi); free(obi_normals);
     free(bvh); free(measurements);
     return 0;
 }

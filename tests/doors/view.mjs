@@ -140,6 +140,23 @@ await picture("mistake");
 writeFileSync(target, text);
 await until(() => document.querySelector("#status").textContent === "built");
 
+// The same pose as the software rasteriser draws it: the suite compares the pictures.
+await page.select("#sample", "left_45");
+await page.evaluate(() => {
+  for (const id of ["wearer", "hold"]) document.querySelector(`#${id}`).checked && document.querySelector(`#${id}`).click();
+  kitsukeView.stage.look("front");
+});
+await sleep(500);
+const still = await page.evaluate(async () => {
+  const { stage, pose } = kitsukeView;
+  const { camera, controls } = stage;
+  const bytes = new Uint8Array(await (await stage.png()).arrayBuffer());
+  return { eye: camera.position.toArray(), target: controls.target.toArray(), heightDeg: camera.fov, pose: Array.from(pose.data), png: btoa(bytes.reduce((text, byte) => text + String.fromCharCode(byte), "")) };
+});
+writeFileSync(join(pictures, "still.png"), Buffer.from(still.png, "base64"));
+writeFileSync(join(pictures, "still.json"), JSON.stringify({ ...still, png: undefined }));
+await page.evaluate(() => ["wearer", "hold"].forEach((id) => document.querySelector(`#${id}`).click()));
+
 // Colours, and the shape before against the one that was saved.
 await page.select("#sample", "left_45");
 console.log(await page.evaluate(() => document.querySelector("#nearest").textContent));

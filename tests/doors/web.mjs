@@ -34,7 +34,7 @@ const frames = poses.flatMap((pose) => {
 });
 writeFileSync(join(folder, "frames.f32"), Buffer.concat(frames.map((f) => Buffer.from(f.buffer, f.byteOffset, f.byteLength))));
 evaluator.evaluateObi(poses[0]);
-console.log(`obi: ${evaluator.obiPositions.every(Number.isFinite)}`);
+console.log(`obi: ${evaluator.obiPositions.every(Number.isFinite)}, normals of length 1: ${[...evaluator.obiNormals].reduce((sum, x) => sum + x * x, 0).toFixed(3)} of ${pack.obi.vertexCount}; leftHand hangs on ${kitsuke.parents[kitsuke.bone("leftHand")]}`);
 const limited = pack.limit(poses[0]);
 console.log(`limited: ${limited.turnedRad > 0}`);
 

@@ -3,6 +3,11 @@
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
+use kitsuke::glam::{Affine3A, Quat, Vec3};
+use kitsuke::skeleton::{Bone, Pose};
+use kitsuke::{Frame, Pack, Scratch, evaluate};
+use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use kitsuke_pipeline::look::texture::Texture;
 use kitsuke_tests::doors::{has, repository, run};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -65,6 +70,82 @@ fn an_artist_sees_what_she_saves() {
     eprintln!("{}", String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
     insta::assert_snapshot!("viewer", String::from_utf8_lossy(&output.stdout));
+    let pack = fs::read(catalog.join("packs/komon.kitsuke")).unwrap();
+    let (outline, alike) = compared(&repository().join("target/web-test/pictures"), &pack);
+    eprintln!(
+        "browser and rasteriser: {:.2} % of the outlines' pixels differ, likeness of shades {alike:.3}",
+        100.0 * outline
+    );
+    assert!(outline < 0.01 && alike > 0.9);
+}
+
+/// The page's picture of a pose against the software rasteriser's: the share of the drawn pixels that only one of them draws, and the
+/// correlation of the luminances where both do (lights differ, so that shades do).
+fn compared(pictures: &Path, pack: &[u8]) -> (f64, f64) {
+    let browser = image::open(pictures.join("still.png")).unwrap().to_rgb8();
+    let still: serde_json::Value = serde_json::from_slice(&fs::read(pictures.join("still.json")).unwrap()).unwrap();
+    let numbers = |value: &serde_json::Value| -> Vec<f32> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap() as f32).collect()
+    };
+    let mut pose = Pose::REST;
+    let data = numbers(&still["pose"]);
+    pose.rotations.iter_mut().zip(data.chunks(4)).for_each(|(to, q)| *to = Quat::from_slice(q));
+    pose.hips_translation_m = Vec3::from_slice(&data[4 * Bone::COUNT..]);
+
+    let pack = Pack::open(pack).unwrap();
+    let (garment, mesh) = (pack.garment(), &pack.garment().data().mesh);
+    let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+    let mut normals = positions_m.clone();
+    evaluate(
+        garment,
+        &pose,
+        &mut Scratch::new(garment),
+        Frame { positions_m: &mut positions_m, normals: &mut normals },
+    );
+    let texture = Texture::from_png(&pack.accessories().texture.as_ref().unwrap().png).unwrap();
+    let obi = pack.accessories().obi.as_ref().unwrap();
+    let mut obi_m = vec![Vec3::ZERO; obi.positions_m.len()];
+    obi.pose(garment, &pose, &mut vec![Affine3A::IDENTITY; garment.data().skeleton.frame_count()], &mut obi_m);
+    let obi_normals = smooth_normals(&obi_m, &obi.triangles);
+    let cloth = Shape {
+        positions_m: &positions_m,
+        normals: &normals,
+        triangles: &mesh.triangles,
+        paint: Paint::Textured(&texture, &mesh.uv),
+        inside: Some([222, 216, 200]),
+    };
+    let band = Shape {
+        positions_m: &obi_m,
+        normals: &obi_normals,
+        triangles: &obi.triangles,
+        paint: Paint::Plain([196, 160, 64]),
+        inside: None,
+    };
+    let camera = Camera {
+        eye_m: Vec3::from_slice(&numbers(&still["eye"])),
+        target_m: Vec3::from_slice(&numbers(&still["target"])),
+        lens: Lens::Perspective { height_rad: still["heightDeg"].as_f64().unwrap().to_radians() as f32 },
+    };
+    const BACKGROUND: [u8; 3] = [0xe9, 0xe8, 0xe6];
+    let ours = render(&[cloth, band], &camera, [browser.width(), browser.height()], BACKGROUND);
+    ours.save(pictures.join("still_rasteriser.png")).unwrap();
+
+    let drawn = |pixel: &image::Rgb<u8>| pixel.0.iter().zip(BACKGROUND).any(|(&a, b)| a.abs_diff(b) > 8);
+    let shade = |pixel: &image::Rgb<u8>| pixel.0.iter().map(|&c| f64::from(c)).sum::<f64>();
+    let (mut either, mut one) = (0.0, 0.0);
+    let mut shades: Vec<(f64, f64)> = Vec::new();
+    for (a, b) in browser.pixels().zip(ours.pixels()) {
+        either += f64::from(u8::from(drawn(a) || drawn(b)));
+        one += f64::from(u8::from(drawn(a) != drawn(b)));
+        if drawn(a) && drawn(b) {
+            shades.push((shade(a), shade(b)));
+        }
+    }
+    let count = shades.len() as f64;
+    let (mean_a, mean_b) =
+        (shades.iter().map(|s| s.0).sum::<f64>() / count, shades.iter().map(|s| s.1).sum::<f64>() / count);
+    let sum = |f: &dyn Fn(f64, f64) -> f64| shades.iter().map(|s| f(s.0 - mean_a, s.1 - mean_b)).sum::<f64>();
+    (one / either, sum(&|a, b| a * b) / (sum(&|a, _| a * a) * sum(&|_, b| b * b)).sqrt())
 }
 
 fn copy(from: &Path, to: &PathBuf) {

@@ -85,7 +85,7 @@ fn stages_touch_no_files_no_globals_and_no_terminal() {
 #[test]
 fn rooms_stand_on_the_floors_below_them() {
     let runtime: &[&[&str]] = &[
-        &["skeleton", "measurement", "envelope_cholesky"],
+        &["skeleton", "measurement", "envelope_cholesky", "vertex_normals"],
         &["arrays", "tailoring", "sparse_cholesky"],
         &["plan", "pose_blend", "reach"],
         &["garment"],

@@ -138,7 +138,7 @@ function show(kimono, pose, aside) {
   cloth.wireframe($("wire").checked);
   if (band) {
     evaluator.evaluateObi(pose);
-    band.show(evaluator.obiPositions);
+    band.show(evaluator.obiPositions, evaluator.obiNormals);
     band.object.position.x = aside;
   }
 }
@@ -463,4 +463,4 @@ async function follow() {
 options($("motion"), await (await fetch("/motions")).json().then((names) => names.filter((name) => !name.endsWith(".md"))), [["", "none: pose by hand"]]);
 follow();
 // For tests: what is shown, without a way to change it.
-window.kitsukeView = { get shown() { return shown; }, get frameMs() { return tick.ms; }, get pose() { return currentPose(); } };
+window.kitsukeView = { get shown() { return shown; }, get frameMs() { return tick.ms; }, get pose() { return currentPose(); }, stage };

@@ -148,21 +148,23 @@ export class Cloth {
   }
 }
 
-/** The obi in one colour; its normals are made here. */
+/** The obi in one colour. */
 export class Band {
   constructor(pack) {
     this.geometry = new THREE.BufferGeometry();
     this.positions = attribute(this.geometry, "position", pack.obi.vertexCount);
+    this.normals = attribute(this.geometry, "normal", pack.obi.vertexCount);
     this.geometry.setIndex(new THREE.BufferAttribute(pack.obiIndices(), 1));
     this.geometry.boundingSphere = new THREE.Sphere(new THREE.Vector3(0, 1, 0), 100);
     this.material = new THREE.MeshStandardMaterial({ color: 0xc4a040, roughness: 0.6, side: THREE.DoubleSide });
     this.object = new THREE.Mesh(this.geometry, this.material);
   }
 
-  show(positions) {
+  show(positions, normals) {
     this.positions.array.set(positions);
+    this.normals.array.set(normals);
     this.positions.needsUpdate = true;
-    this.geometry.computeVertexNormals();
+    this.normals.needsUpdate = true;
   }
 
   dispose() {

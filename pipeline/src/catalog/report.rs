@@ -22,16 +22,17 @@ const SHOWN_TARGETS: usize = 7;
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}\
                      table{border-collapse:collapse;margin:.5rem 0}td,th{padding:.1rem .8rem .1rem 0;text-align:right;font-variant-numeric:tabular-nums}\
                      td:first-child,th:first-child{text-align:left}th{font-weight:600;border-bottom:1px solid #999}img{max-width:100%}\
-                     pre{background:#f4f2ee;padding:.8rem;overflow-x:auto}.bad{color:#b3261e}";
+                     pre{background:#f4f2ee;padding:.8rem;overflow-x:auto}";
 
 /// The report of one garment. `found` is what the artist was told.
 #[must_use]
 pub fn html(source: &ir::Garment, built: &Built, entry: &Entry, found: &[Diagnostic], assets: &Path) -> String {
     let mut body = String::new();
-    let accessories = kitsuke::Pack::open(&built.pack).map(|pack| pack.accessories().clone()).unwrap_or_default();
+    let accessories = &built.accessories;
+    let obi = accessories.obi.as_ref();
     let _ = write!(
         body,
-        "<h1>{}</h1><p>{}: {} vertices, {} triangles, {} targets, {} drivers; pack of {:.2} MB, made on {}</p>",
+        "<h1>{}</h1><p>{}: {} vertices, {} triangles, {} targets, {} drivers; pack of {:.2} MB, made on {}; {}; {}</p>",
         text(&source.name),
         text(&source.id),
         entry.vertices,
@@ -40,6 +41,11 @@ pub fn html(source: &ir::Garment, built: &Built, entry: &Entry, found: &[Diagnos
         entry.drivers,
         entry.bytes as f64 / 1e6,
         text(&accessories.body),
+        obi.map_or("no obi".to_owned(), |obi| format!("obi of {} vertices", obi.positions_m.len())),
+        accessories.texture.as_ref().map_or("no texture".to_owned(), |texture| {
+            let place = if texture.png.is_empty() { "not in the pack" } else { "in the pack" };
+            format!("texture {}, {place}", text(&texture.name))
+        }),
     );
     body += &warnings(found, assets);
     body += &pictures(source, built);

@@ -118,16 +118,13 @@ pub(super) fn check_obi(
 /// How far places of the obi lie outside the cloth, each along the normal of the nearest vertex, metres.
 fn above_cloth(obi: &ir::Surface, base: &ir::Surface) -> Vec<f32> {
     let mut normals = vec![Vec3::ZERO; base.positions_m.len()];
-    for triangle in &base.triangles {
-        let [a, b, c] = triangle.map(|v| base.positions_m[v as usize]);
-        triangle.iter().for_each(|&v| normals[v as usize] += (b - a).cross(c - a));
-    }
+    kitsuke::vertex_normals(&base.positions_m, base.triangles.iter().copied(), &mut normals);
     let step = obi.positions_m.len().div_ceil(OBI_SAMPLE).max(1);
     let above = |place_m: &Vec3| {
         let distances =
             base.positions_m.iter().zip(&normals).map(|(p, normal)| (p.distance_squared(*place_m), p, normal));
         let (_, nearest_m, normal) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some((*place_m - *nearest_m).dot(normal.normalize_or_zero()))
+        Some((*place_m - *nearest_m).dot(*normal))
     };
     obi.positions_m.iter().step_by(step).filter_map(above).collect()
 }

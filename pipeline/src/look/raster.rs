@@ -104,12 +104,8 @@ pub fn render(shapes: &[Shape<'_>], camera: &Camera, [width_px, height_px]: [u32
 #[must_use]
 pub fn smooth_normals(positions_m: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; positions_m.len()];
-    for &triangle in triangles {
-        let [a, b, c] = triangle.map(|v| positions_m[v as usize]);
-        let doubled_area = (b - a).cross(c - a);
-        triangle.into_iter().for_each(|v| normals[v as usize] += doubled_area);
-    }
-    normals.into_iter().map(Vec3::normalize_or_zero).collect()
+    kitsuke::vertex_normals(positions_m, triangles.iter().copied(), &mut normals);
+    normals
 }
 
 /// A corner on the picture.

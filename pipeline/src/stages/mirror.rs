@@ -133,10 +133,7 @@ fn counterparts(mesh: &Mesh, normals: &[Vec3], owned: &[usize], other: &[f32]) -
 /// Unit normals of the unique vertices in the T-pose; zero where there is no area.
 fn normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; mesh.positions_m.len()];
-    for corners in &mesh.triangles {
-        let corners = corners.map(|v| mesh.unique(v) as usize);
-        let [a, b, c] = corners.map(|v| mesh.positions_m[v]);
-        corners.iter().for_each(|&v| normals[v] += (b - a).cross(c - a));
-    }
-    normals.iter().map(|normal| normal.normalize_or_zero()).collect()
+    let welded = mesh.triangles.iter().map(|corners| corners.map(|v| mesh.unique(v)));
+    kitsuke::vertex_normals(&mesh.positions_m, welded, &mut normals);
+    normals
 }

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 // Grows whenever a function or struct of the interface changes.
-#define KITSUKE_ABI_VERSION 1
+#define KITSUKE_ABI_VERSION 2
 
 // What became of a call.
 enum kitsuke_status
@@ -268,13 +268,15 @@ kitsuke_status kitsuke_evaluate(struct kitsuke_evaluator *evaluator,
                                 const struct kitsuke_attribute *positions,
                                 const struct kitsuke_attribute *normals);
 
-// Writes the obi in this pose, which must be that of the kimono. Does not allocate; writes nothing where there is no obi.
+// Writes the obi in this pose, which must be that of the kimono: positions, and unit normals unless `normals` is null. Does not allocate;
+// writes nothing where there is no obi.
 //
 // # Safety
 // As [`kitsuke_evaluate`].
 kitsuke_status kitsuke_evaluate_obi(struct kitsuke_evaluator *evaluator,
                                     const struct kitsuke_pose *pose,
-                                    const struct kitsuke_attribute *positions);
+                                    const struct kitsuke_attribute *positions,
+                                    const struct kitsuke_attribute *normals);
 
 // How many measurements of bodies there are.
 uint32_t kitsuke_measurement_count(void);
@@ -545,6 +547,10 @@ uint32_t kitsuke_bone_count(void);
 size_t kitsuke_bone_name(uint32_t bone,
                          uint8_t *buffer,
                          size_t capacity);
+
+// The bone that carries a bone in VRM 1.0, whose number is lower, or -1: none, or there is no such bone. A skeleton may lack bones; what
+// carries a joint of a kimono's says [`kitsuke_pack_joint`](crate::kitsuke_pack_joint).
+int32_t kitsuke_bone_parent(uint32_t bone);
 
 // The number of a bone by its VRM 1.0 name, or -1.
 //

@@ -6,7 +6,7 @@ use crate::pack::{Kimono, KitsukePack};
 use crate::pose::PoseData;
 use crate::status::{Status, guarded};
 use kitsuke::glam::{Affine3A, Vec3};
-use kitsuke::{Frame, Scratch, evaluate};
+use kitsuke::{Frame, Scratch, evaluate, vertex_normals};
 use std::sync::Arc;
 
 /// A kimono with the working memory of one thread.
@@ -18,6 +18,7 @@ pub struct KitsukeEvaluator {
     positions_m: Vec<Vec3>,
     normals: Vec<Vec3>,
     obi_m: Vec<Vec3>,
+    obi_normals: Vec<Vec3>,
     posed_from_rest: Vec<Affine3A>,
 }
 
@@ -44,6 +45,7 @@ pub unsafe extern "C" fn kitsuke_evaluator_new(
                 positions_m: vec![Vec3::ZERO; garment.vertex_count()],
                 normals: vec![Vec3::ZERO; garment.vertex_count()],
                 obi_m: vec![Vec3::ZERO; obi_vertices],
+                obi_normals: vec![Vec3::ZERO; obi_vertices],
                 posed_from_rest: vec![Affine3A::IDENTITY; garment.data().skeleton.frame_count()],
                 kimono,
             })
@@ -108,7 +110,8 @@ pub unsafe extern "C" fn kitsuke_evaluate(
     })
 }
 
-/// Writes the obi in this pose, which must be that of the kimono. Does not allocate; writes nothing where there is no obi.
+/// Writes the obi in this pose, which must be that of the kimono: positions, and unit normals unless `normals` is null. Does not allocate;
+/// writes nothing where there is no obi.
 ///
 /// # Safety
 /// As [`kitsuke_evaluate`].
@@ -117,16 +120,22 @@ pub unsafe extern "C" fn kitsuke_evaluate_obi(
     evaluator: *mut KitsukeEvaluator,
     pose: *const PoseData,
     positions: *const Attribute,
+    normals: *const Attribute,
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promises.
         let (evaluator, pose) = unsafe { (given_mut("the evaluator", evaluator)?, given("the pose", pose)?) };
         // SAFETY: as the caller promises.
-        let positions = unsafe { *given("the attribute of positions", positions)? };
-        let KitsukeEvaluator { kimono, axes, obi_m, posed_from_rest, .. } = evaluator;
+        let (positions, normals) =
+            unsafe { (*given("the attribute of positions", positions)?, normals.as_ref().copied()) };
+        let KitsukeEvaluator { kimono, axes, obi_m, obi_normals, posed_from_rest, .. } = evaluator;
         let Some(obi) = &kimono.accessories().obi else { return Ok(()) };
         obi.pose(kimono.garment(), &pose.pose(*axes), posed_from_rest, obi_m);
         // SAFETY: as the caller promises.
-        unsafe { positions.write("positions of the obi", obi_m, |place_m| axes.place(place_m)) }
+        unsafe { positions.write("positions of the obi", obi_m, |place_m| axes.place(place_m)) }?;
+        let Some(normals) = normals else { return Ok(()) };
+        vertex_normals(obi_m, obi.triangles.iter().copied(), obi_normals);
+        // SAFETY: as the caller promises; the one is written after the other.
+        unsafe { normals.write("normals of the obi", obi_normals, |normal| axes.direction(normal)) }
     })
 }

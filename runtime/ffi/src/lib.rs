@@ -51,11 +51,13 @@ pub use pack::{
     kitsuke_pack_joint, kitsuke_pack_obi_indices, kitsuke_pack_open, kitsuke_pack_path_length,
     kitsuke_pack_target_pose, kitsuke_pack_text, kitsuke_pack_texture, kitsuke_pack_uv,
 };
-pub use pose::{PoseData, kitsuke_bone_count, kitsuke_bone_from_name, kitsuke_bone_name, kitsuke_limit};
+pub use pose::{
+    PoseData, kitsuke_bone_count, kitsuke_bone_from_name, kitsuke_bone_name, kitsuke_bone_parent, kitsuke_limit,
+};
 pub use status::{Status, kitsuke_message};
 
 /// Grows whenever a function or struct of the interface changes.
-pub const ABI_VERSION: u32 = 1;
+pub const ABI_VERSION: u32 = 2;
 
 /// The version of the interface that the library has; compare it with `KITSUKE_ABI_VERSION` of the header.
 #[unsafe(no_mangle)]

@@ -54,6 +54,14 @@ pub unsafe extern "C" fn kitsuke_bone_name(bone: u32, buffer: *mut u8, capacity:
     unsafe { write_text(name, buffer, capacity) }
 }
 
+/// The bone that carries a bone in VRM 1.0, whose number is lower, or -1: none, or there is no such bone. A skeleton may lack bones; what
+/// carries a joint of a kimono's says [`kitsuke_pack_joint`](crate::kitsuke_pack_joint).
+#[unsafe(no_mangle)]
+pub extern "C" fn kitsuke_bone_parent(bone: u32) -> i32 {
+    let parent = Bone::ALL.get(bone as usize).and_then(|bone| bone.vrm_parent());
+    parent.map_or(-1, |parent| parent as i32)
+}
+
 /// The number of a bone by its VRM 1.0 name, or -1.
 ///
 /// # Safety

@@ -28,6 +28,8 @@ export class Pose {
 export class Kitsuke {
   /** VRM 1.0 names by number. */
   readonly bones: readonly string[];
+  /** The bone that carries each of `bones`, null for the hips. */
+  readonly parents: readonly (string | null)[];
   /** Names of measurements by number. */
   readonly measurements: readonly string[];
   /** Opens a pack, which may be a stranger's. */
@@ -96,8 +98,9 @@ export class Evaluator extends Handle {
   readonly positions: Float32Array;
   readonly normals: Float32Array;
   readonly obiPositions: Float32Array;
+  readonly obiNormals: Float32Array;
   evaluate(pose: Pose, options?: { normals?: boolean }): void;
-  evaluateObi(pose: Pose): void;
+  evaluateObi(pose: Pose, options?: { normals?: boolean }): void;
 }
 
 export class Motion extends Handle {

@@ -4,7 +4,7 @@
 // Handles live in the module's memory and are given back with free() (or `using`). Frames are views into that memory: take them anew
 // after every call, because memory that grows moves.
 
-const ABI_VERSION = 1;
+const ABI_VERSION = 2;
 const GLTF = 0;
 const BONES = 55;
 const POSE_FLOATS = 4 * BONES + 3;
@@ -86,6 +86,7 @@ export class Kitsuke {
     this.bones = this.names(this.c.kitsuke_bone_count(), this.c.kitsuke_bone_name);
     const measurements = this.c.kitsuke_measurement_count;
     this.measurements = measurements ? this.names(measurements(), this.c.kitsuke_measurement_name) : [];
+    this.parents = this.bones.map((_, number) => this.c.kitsuke_bone_parent(number)).map((carrier) => (carrier < 0 ? null : this.bones[carrier]));
     this.boneNumbers = new Map(this.bones.map((name, number) => [name, number]));
   }
 
@@ -356,14 +357,15 @@ export class Evaluator extends Handle {
     super(kitsuke, kitsuke.made((to) => pack.c.kitsuke_evaluator_new(pack.handle, GLTF, to)), kitsuke.c.kitsuke_evaluator_free);
     this.counts = { cloth: pack.vertexCount, obi: pack.obi?.vertexCount ?? 0 };
     const { cloth, obi } = this.counts;
-    this.room = 24 * cloth + 12 * obi + 48;
+    this.room = 24 * (cloth + obi) + 64;
     this.at = kitsuke.bytes(this.room);
-    this.places = { positions: this.at, normals: this.at + 12 * cloth, obi: this.at + 24 * cloth };
-    const attributes = this.at + 24 * cloth + 12 * obi;
+    this.places = { positions: this.at, normals: this.at + 12 * cloth, obi: this.at + 24 * cloth, obiNormals: this.at + 24 * cloth + 12 * obi };
+    const attributes = this.at + 24 * (cloth + obi);
     this.attributes = {
       positions: kitsuke.attribute(attributes, this.places.positions, cloth),
       normals: kitsuke.attribute(attributes + 16, this.places.normals, cloth),
       obi: kitsuke.attribute(attributes + 32, this.places.obi, obi),
+      obiNormals: kitsuke.attribute(attributes + 48, this.places.obiNormals, obi),
     };
   }
 
@@ -373,9 +375,10 @@ export class Evaluator extends Handle {
     kitsuke.ok(c.kitsuke_evaluate(this.handle, kitsuke.poseIn(pose), attributes.positions, normals ? attributes.normals : 0));
   }
 
-  /** Puts the obi into the pose of the kimono: then `obiPositions` are its. */
-  evaluateObi(pose) {
-    this.kitsuke.ok(this.c.kitsuke_evaluate_obi(this.handle, this.kitsuke.poseIn(pose), this.attributes.obi));
+  /** Puts the obi into the pose of the kimono: then `obiPositions` and, unless told otherwise, `obiNormals` are its. */
+  evaluateObi(pose, { normals = true } = {}) {
+    const { c, kitsuke, attributes } = this;
+    kitsuke.ok(c.kitsuke_evaluate_obi(this.handle, kitsuke.poseIn(pose), attributes.obi, normals ? attributes.obiNormals : 0));
   }
 
   /** Metres, three numbers per vertex: a view, to be taken anew after every call. */
@@ -391,6 +394,11 @@ export class Evaluator extends Handle {
   /** The obi's positions, likewise. */
   get obiPositions() {
     return this.view(this.places.obi, this.counts.obi);
+  }
+
+  /** The obi's normals, likewise. */
+  get obiNormals() {
+    return this.view(this.places.obiNormals, this.counts.obi);
   }
 
   view(at, count) {

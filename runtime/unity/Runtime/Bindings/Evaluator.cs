@@ -46,15 +46,17 @@ namespace Kitsuke
             }
         }
 
-        /// <summary>Writes the positions of the obi in this pose, which must be that of the kimono. Writes nothing where there is no
-        /// obi.</summary>
-        public void EvaluateObi<V>(Pose pose, Span<V> positions) where V : struct
+        /// <summary>Writes the positions and, unless there is no room, the normals of the obi in this pose, which must be that of the
+        /// kimono. Writes nothing where there is no obi.</summary>
+        public void EvaluateObi<V>(Pose pose, Span<V> positions, Span<V> normals = default(Span<V>)) where V : struct
         {
-            var bytes = MemoryMarshal.AsBytes(positions);
-            fixed (byte* first = &MemoryMarshal.GetReference(bytes))
+            var positionBytes = MemoryMarshal.AsBytes(positions);
+            var normalBytes = MemoryMarshal.AsBytes(normals);
+            fixed (byte* firstPosition = &MemoryMarshal.GetReference(positionBytes), firstNormal = &MemoryMarshal.GetReference(normalBytes))
             {
-                var toPositions = new Attribute(first, bytes.Length);
-                Call.Check(Native.kitsuke_evaluate_obi(this, &pose, &toPositions));
+                var toPositions = new Attribute(firstPosition, positionBytes.Length);
+                var toNormals = new Attribute(firstNormal, normalBytes.Length);
+                Call.Check(Native.kitsuke_evaluate_obi(this, &pose, &toPositions, normals.IsEmpty ? null : &toNormals));
             }
         }
     }

@@ -35,7 +35,7 @@ namespace Kitsuke
     internal static unsafe class Native
     {
         /// Of the header that these declarations follow.
-        internal const uint Abi = 1;
+        internal const uint Abi = 2;
 
 #if (UNITY_IOS || UNITY_TVOS || UNITY_VISIONOS || UNITY_WEBGL) && !UNITY_EDITOR
         // Linked into the app itself.
@@ -63,12 +63,13 @@ namespace Kitsuke
 
         [DllImport(Library)] internal static extern uint kitsuke_bone_count();
         [DllImport(Library)] internal static extern UIntPtr kitsuke_bone_name(uint bone, byte* buffer, UIntPtr capacity);
+        [DllImport(Library)] internal static extern int kitsuke_bone_parent(uint bone);
         [DllImport(Library)] internal static extern int kitsuke_bone_from_name(byte* name, UIntPtr length);
 
         [DllImport(Library)] internal static extern Status kitsuke_evaluator_new(Pack pack, Axes axes, out IntPtr evaluator);
         [DllImport(Library)] internal static extern void kitsuke_evaluator_free(IntPtr evaluator);
         [DllImport(Library)] internal static extern Status kitsuke_evaluate(Evaluator evaluator, Pose* pose, Attribute* positions, Attribute* normals);
-        [DllImport(Library)] internal static extern Status kitsuke_evaluate_obi(Evaluator evaluator, Pose* pose, Attribute* positions);
+        [DllImport(Library)] internal static extern Status kitsuke_evaluate_obi(Evaluator evaluator, Pose* pose, Attribute* positions, Attribute* normals);
 
         [DllImport(Library)] internal static extern Status kitsuke_motion_open(byte* bytes, UIntPtr length, Pack pack, out IntPtr motion);
         [DllImport(Library)] internal static extern void kitsuke_motion_free(IntPtr motion);

@@ -103,6 +103,14 @@ namespace Kitsuke
             return Encoding.UTF8.GetString(buffer, (int)Native.kitsuke_bone_name((uint)bone, buffer, (UIntPtr)64));
         }
 
+        /// <summary>The bone that carries a bone in VRM 1.0, whose number is lower; null where none does.</summary>
+        public static Bone? Parent(Bone bone)
+        {
+            Check(bone);
+            var parent = Native.kitsuke_bone_parent((uint)bone);
+            return parent < 0 ? (Bone?)null : (Bone)parent;
+        }
+
         public static bool TryFind(string name, out Bone bone)
         {
             var bytes = Encoding.UTF8.GetBytes(name);

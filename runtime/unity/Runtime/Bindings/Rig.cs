@@ -4,8 +4,9 @@ using System.Collections.Generic;
 
 namespace Kitsuke
 {
-    /// <summary>The joints of a kimono, and how the bones of the model that wears it stand in its T-pose. Rotations are the model's:
-    /// of a bone relative to the model's root, in the axes in which poses go in.</summary>
+    /// <summary>The bones of VRM 1.0 on a kimono's joints, and how the bones of the model that wears it stand in its T-pose: bones that the
+    /// kimono lacks (head, fingers) follow a pose, too. Rotations are the model's: of a bone relative to the model's root, in the axes in
+    /// which poses go in.</summary>
     public sealed class Rig
     {
         private readonly List<Bone> bones = new List<Bone>();
@@ -18,14 +19,14 @@ namespace Kitsuke
             for (var bone = Bone.Hips; (int)bone < Kitsuke.Bones.Count; bone++)
             {
                 var joint = pack.Joint(axes, bone);
-                if (joint == null) continue;
-                if (joint.Value.Parent == null) HipsRest = joint.Value.Place;
+                if (joint != null && joint.Value.Parent == null) HipsRest = joint.Value.Place;
                 bones.Add(bone);
-                parents[(int)bone] = joint.Value.Parent;
+                // What carries a joint of the kimono's is a joint of it; other bones hang on whatever VRM hangs them.
+                parents[(int)bone] = joint != null ? joint.Value.Parent : Kitsuke.Bones.Parent(bone);
             }
         }
 
-        /// <summary>The bones of the kimono's skeleton, parents first.</summary>
+        /// <summary>The bones of VRM 1.0, parents first.</summary>
         public IReadOnlyList<Bone> Bones => bones;
 
         /// <summary>Where the kimono's hips rest.</summary>
@@ -55,8 +56,7 @@ namespace Kitsuke
             return pose;
         }
 
-        /// <summary>How the model's bones have to stand in a pose; bones that the kimono lacks are passed over. Returns where its hips
-        /// have to be. Does not allocate.</summary>
+        /// <summary>How the model's bones have to stand in a pose. Returns where its hips have to be. Does not allocate.</summary>
         public Place Stand(Pose pose, Rotation[] now)
         {
             for (var i = 0; i < bones.Count; i++)

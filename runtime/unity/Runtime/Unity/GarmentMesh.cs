@@ -28,7 +28,7 @@ namespace Kitsuke.Unity
         private readonly Evaluator evaluator;
         private readonly Vector3 hipsRest;
         private NativeArray<Vertex> vertices;
-        private NativeArray<Vector3> obiPositions;
+        private NativeArray<Vector3> obiPositions, obiNormals;
 
         internal Mesh Kimono { get; }
         /// Null without one.
@@ -49,6 +49,7 @@ namespace Kitsuke.Unity
                 new VertexAttributeDescriptor(VertexAttribute.TexCoord0, VertexAttributeFormat.Float32, 2, 0));
 
             obiPositions = new NativeArray<Vector3>(information.ObiVertexCount, Allocator.Persistent);
+            obiNormals = new NativeArray<Vector3>(information.ObiVertexCount, Allocator.Persistent);
             if (information.ObiVertexCount > 0)
                 Obi = Made(pack.Name + " obi", information.ObiVertexCount, pack.ObiIndices(Axes.Unity),
                     new VertexAttributeDescriptor(VertexAttribute.Position, VertexAttributeFormat.Float32, 3, 0),
@@ -66,9 +67,9 @@ namespace Kitsuke.Unity
             Kimono.bounds = bounds;
 
             if (Obi == null) return;
-            evaluator.EvaluateObi(pose, All(obiPositions));
+            evaluator.EvaluateObi(pose, All(obiPositions), All(obiNormals));
             Obi.SetVertexBufferData(obiPositions, 0, 0, obiPositions.Length, 0, AsItIs);
-            Obi.RecalculateNormals(AsItIs);
+            Obi.SetVertexBufferData(obiNormals, 0, 0, obiNormals.Length, 1, AsItIs);
             Obi.bounds = bounds;
         }
 
@@ -77,6 +78,7 @@ namespace Kitsuke.Unity
             evaluator.Dispose();
             if (vertices.IsCreated) vertices.Dispose();
             if (obiPositions.IsCreated) obiPositions.Dispose();
+            if (obiNormals.IsCreated) obiNormals.Dispose();
             UnityEngine.Object.Destroy(Kimono);
             if (Obi != null) UnityEngine.Object.Destroy(Obi);
         }
