@@ -13,6 +13,7 @@ pub mod measurements;
 mod numbers;
 pub mod obj;
 pub mod paths;
+pub(crate) mod polygon;
 pub mod pose_rows;
 pub mod rules;
 pub mod sizes;

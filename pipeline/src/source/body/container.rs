@@ -1,11 +1,14 @@
 //! glTF bytes as a document of what a body is made of: nodes, meshes and skins, and which node is which bone where the file says so.
 //! What a body does not need (pictures, materials, animations) is taken out first, since the glTF library refuses whole files for faults
-//! and novelties there. Knows no skeleton.
+//! and novelties there; who wants to know how a mesh looks gets them as they stand ([`Looks`]). Knows no skeleton.
 
-use kitsuke::skeleton::Bone;
 use kitsuke::skeleton::names::vrm0_bone;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use kitsuke::skeleton::Bone;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
+use std::path::{Component, Path};
 
 /// Longest JSON part, bytes.
 const LONGEST_JSON: usize = 64 << 20;
@@ -29,7 +32,7 @@ const PACKED: [(&str, &str); 3] = [
 ];
 
 /// A file's nodes, meshes and skins, and the bytes that they name.
-pub(super) struct Container {
+pub(in crate::source) struct Container {
     pub document: gltf::Document,
     pub buffers: Vec<gltf::buffer::Data>,
     /// Accessors without bytes, whose numbers the format says are all 0.
@@ -40,8 +43,32 @@ pub(super) struct Container {
     pub is_vrm0: bool,
 }
 
+/// What a file says of how its meshes look, unchecked.
+#[derive(Default)]
+pub(in crate::source) struct Looks {
+    /// `materials`, `textures` and `images` of the file, as they stand.
+    pub root: Map<String, Value>,
+    /// The material of each primitive of each mesh.
+    pub material_of: Vec<Vec<Option<usize>>>,
+}
+
 /// Opens a GLB, a VRM, or glTF text with its data inside.
 pub(super) fn open(bytes: &[u8]) -> Result<Container, String> {
+    let is_needed = |name: &str| name == "POSITION" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_");
+    opened(bytes, None, is_needed).map(|(container, _)| container)
+}
+
+/// Opens the same with how its meshes look; data and pictures may lie in files in this folder.
+pub(in crate::source) fn open_with_looks(bytes: &[u8], folder: Option<&Path>) -> Result<(Container, Looks), String> {
+    let kept = ["JOINTS_", "WEIGHTS_", "TEXCOORD_", "COLOR_"];
+    opened(bytes, folder, |name| name == "POSITION" || kept.iter().any(|kind| name.starts_with(kind)))
+}
+
+fn opened(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    is_needed: impl Fn(&str) -> bool,
+) -> Result<(Container, Looks), String> {
     let unreadable = |error: &dyn std::fmt::Display| format!("this is no readable GLB: {error}");
     let glb;
     let (json, blob) = match bytes.starts_with(b"glTF") {
@@ -64,16 +91,78 @@ pub(super) fn open(bytes: &[u8]) -> Result<Container, String> {
         ));
     }
     let (humanoid, is_vrm0) = humanoid(&root);
+    let mut looks = Looks { root: Map::new(), material_of: materials(&mut root) };
     for part in UNNEEDED {
-        root.remove(part);
+        if let Some(removed) = root.remove(part) {
+            looks.root.insert(part.to_owned(), removed);
+        }
     }
-    strip_meshes(&mut root)?;
+    strip_meshes(&mut root, is_needed)?;
     let zeros = with_views(&mut root);
     let json = serde_json::to_vec(&root).map_err(|error| unreadable(&error))?;
     let document = gltf::Gltf::from_slice(&json).map_err(|error| unreadable(&error))?.document;
-    let buffers = gltf::import_buffers(&document, None, blob)
-        .map_err(|error| format!("a buffer cannot be read ({error}); all data must lie inside the file"))?;
-    Ok(Container { document, buffers, zeros, humanoid, is_vrm0 })
+    let buffers = buffers(&document, folder, blob)?;
+    Ok((Container { document, buffers, zeros, humanoid, is_vrm0 }, looks))
+}
+
+/// The bytes of all buffers.
+fn buffers(
+    document: &gltf::Document,
+    folder: Option<&Path>,
+    mut blob: Option<Vec<u8>>,
+) -> Result<Vec<gltf::buffer::Data>, String> {
+    let buffer = |buffer: gltf::Buffer<'_>| {
+        let bytes = match buffer.source() {
+            gltf::buffer::Source::Bin => blob.take().ok_or("a buffer is to lie in the file, which has none")?,
+            gltf::buffer::Source::Uri(uri) => named(uri, folder).map_err(|error| format!("a buffer cannot be read: {error}"))?,
+        };
+        match bytes.len() < buffer.length() {
+            true => Err(format!("a buffer has {} bytes instead of {}", bytes.len(), buffer.length())),
+            false => Ok(gltf::buffer::Data(bytes)),
+        }
+    };
+    document.buffers().map(buffer).collect()
+}
+
+/// What a URI names: data inside the file, or a file in its folder.
+pub(in crate::source) fn named(uri: &str, folder: Option<&Path>) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let (_, base64) = data.split_once(";base64,").unwrap_or(("", data));
+        return STANDARD.decode(base64).map_err(|error| format!("its data is no base64 ({error})"));
+    }
+    let name = plain(uri);
+    let Some(folder) = folder else { return Err(format!("it names {name}; all data must lie inside the file")) };
+    // What a stranger's file names lies beside it or below.
+    let is_below = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+    if name.contains(':') || !Path::new(&name).components().all(is_below) {
+        return Err(format!("it names {name}, which is not in the file's folder"));
+    }
+    let path = folder.join(&name);
+    match path.metadata() {
+        Ok(metadata) if metadata.is_file() => std::fs::read(&path).map_err(|error| format!("{name}: {error}")),
+        Ok(_) => Err(format!("it names {name}, which is no file")),
+        Err(error) => Err(format!("it names {name}, which cannot be read ({error}); copy it beside this file")),
+    }
+}
+
+/// The name that a URI writes with escapes.
+pub(in crate::source) fn plain(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let (mut name, mut at) = (Vec::with_capacity(bytes.len()), 0);
+    while at < bytes.len() {
+        let digits = bytes.get(at + 1..at + 3).and_then(|digits| std::str::from_utf8(digits).ok());
+        match digits.filter(|_| bytes[at] == b'%').and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => (name.push(byte), at += 3).1,
+            None => (name.push(bytes[at]), at += 1).1,
+        }
+    }
+    String::from_utf8_lossy(&name).into_owned()
+}
+
+/// The material that each primitive of each mesh names.
+fn materials(root: &mut Map<String, Value>) -> Vec<Vec<Option<usize>>> {
+    let material = |primitive: &mut Map<String, Value>| Some(primitive.get("material")?.as_u64()? as usize);
+    objects(root, "meshes").map(|mesh| objects(mesh, "primitives").map(material).collect()).collect()
 }
 
 /// The elements of an array of the root, those that are objects.
@@ -102,8 +191,8 @@ fn humanoid(root: &Map<String, Value>) -> (Vec<(Bone, usize)>, bool) {
     (Vec::new(), false)
 }
 
-/// Leaves of the meshes only places, weights and the shapes that may be on. What they name must exist: the library takes that for granted.
-fn strip_meshes(root: &mut Map<String, Value>) -> Result<(), String> {
+/// Leaves of the meshes only needed attributes, and the shapes that may be on. What they name must exist: the library takes that for granted.
+fn strip_meshes(root: &mut Map<String, Value>, is_needed: impl Fn(&str) -> bool) -> Result<(), String> {
     let count = root.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
     let exists = |named: &Value| match named.as_u64() {
         Some(index) if index < count => Ok(()),
@@ -117,9 +206,7 @@ fn strip_meshes(root: &mut Map<String, Value>) -> Result<(), String> {
             primitive.remove("material");
             primitive.get("indices").map_or(Ok(()), exists)?;
             if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
-                attributes.retain(|name, _| {
-                    name == "POSITION" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_")
-                });
+                attributes.retain(|name, _| is_needed(name));
                 attributes.values().try_for_each(exists)?;
             }
             for target in objects(primitive, "targets") {

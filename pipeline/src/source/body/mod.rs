@@ -4,13 +4,13 @@
 //! `pieces.rs` reads meshes, `rest.rs` brings them into the world by the bind matrices, `stance.rs` judges how the body stands, `posed.rs` reads
 //! the pose that a file shows instead.
 
-mod container;
+pub(super) mod container;
 mod joints;
-mod nodes;
-mod numbers;
-mod pieces;
+pub(super) mod nodes;
+pub(super) mod numbers;
+pub(super) mod pieces;
 mod posed;
-mod rest;
+pub(super) mod rest;
 mod stance;
 
 use crate::diagnostic::{Diagnostic, Place};
@@ -28,7 +28,7 @@ use stance::Fault;
 use std::collections::BTreeSet;
 
 /// Most joints of a skin.
-const JOINTS: usize = 1024;
+pub(super) const JOINTS: usize = 1024;
 /// How far the lowest vertex may lie from the floor without a warning, metres.
 const OFF_FLOOR_M: f32 = 0.1;
 
@@ -138,7 +138,7 @@ fn bare(file: &Container) -> Result<Option<Surface>, String> {
 }
 
 /// Bodies of VRM 0.x face -Z.
-fn world_turn(file: &Container) -> DMat4 {
+pub(super) fn world_turn(file: &Container) -> DMat4 {
     if file.is_vrm0 { DMat4::from_diagonal(glam::DVec4::new(-1.0, 1.0, -1.0, 1.0)) } else { DMat4::IDENTITY }
 }
 

@@ -6,7 +6,7 @@ use glam::DMat4;
 const MOST: usize = 1 << 16;
 
 /// A file's nodes.
-pub(super) struct Nodes {
+pub(in crate::source) struct Nodes {
     /// World from node, metres, with the transforms that the file shows.
     pub world: Vec<DMat4>,
     /// On which node each hangs.

@@ -7,7 +7,7 @@ use gltf::accessor::{DataType, Dimensions};
 use kitsuke::arrays::limits;
 
 /// Rows of floats. Integers that are normalised count as fractions, others as themselves (KHR_mesh_quantization).
-pub(super) fn floats<const N: usize>(
+pub(in crate::source) fn floats<const N: usize>(
     file: &Container,
     accessor: &gltf::Accessor<'_>,
     dimensions: Dimensions,

@@ -6,6 +6,7 @@ use super::numbers::{floats, integers};
 use glam::Vec3;
 use gltf::Semantic;
 use gltf::accessor::Dimensions;
+use gltf::mesh::Mode;
 use kitsuke::arrays::limits;
 
 /// How far a vertex's weights may be from summing to 1, for each four of them.
@@ -14,7 +15,7 @@ const WEIGHT_TOLERANCE: f32 = 0.02;
 const SETS: u32 = 4;
 
 /// One primitive of a mesh at one node.
-pub(super) struct Piece {
+pub(in crate::source) struct Piece {
     /// The mesh's name.
     pub name: String,
     /// The node that shows it.
@@ -52,12 +53,14 @@ pub(super) fn pieces(file: &Container, is_wanted: impl Fn(&gltf::Node<'_>) -> bo
     Ok(pieces)
 }
 
-fn piece(file: &Container, node: &gltf::Node<'_>, primitive: &gltf::Primitive<'_>) -> Result<Piece, String> {
+/// One primitive at one node.
+pub(in crate::source) fn piece(
+    file: &Container,
+    node: &gltf::Node<'_>,
+    primitive: &gltf::Primitive<'_>,
+) -> Result<Piece, String> {
     let mesh = node.mesh().expect("the primitive is of this node's mesh");
     let name = mesh.name().unwrap_or("body").to_owned();
-    if primitive.mode() != gltf::mesh::Mode::Triangles {
-        return Err(format!("mesh {name} has primitives that are no triangles"));
-    }
     let mut positions = vectors(file, &attribute(&name, primitive, &Semantic::Positions)?)?;
     let weights = node.weights().or_else(|| mesh.weights()).unwrap_or_default();
     for (target, &weight) in primitive.morph_targets().zip(weights).filter(|(_, weight)| **weight != 0.0) {
@@ -75,16 +78,31 @@ fn piece(file: &Container, node: &gltf::Node<'_>, primitive: &gltf::Primitive<'_
     if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
         return Err(format!("mesh {name} names vertex {index}, but has {}", positions.len()));
     }
-    let (triangles, rest) = indices.as_chunks::<3>();
-    if !rest.is_empty() {
-        return Err(format!("mesh {name} has {} indices, which is no whole number of triangles", indices.len()));
-    }
+    let triangles = triangles(&name, primitive.mode(), &indices)?;
     let skin = node.skin().map(|skin| skin.index());
     let (influences, width) = match node.skin() {
         Some(skin) => influences(file, &name, primitive, positions.len(), skin.joints().len())?,
         None => (Vec::new(), 0),
     };
-    Ok(Piece { name, node: node.index(), skin, positions, triangles: triangles.to_vec(), influences, width })
+    Ok(Piece { name, node: node.index(), skin, positions, triangles, influences, width })
+}
+
+/// The triangles that indices make. In strips a vertex may stand twice to turn the strip; what lies between is no triangle.
+fn triangles(name: &str, mode: Mode, indices: &[u32]) -> Result<Vec<[u32; 3]>, String> {
+    let is_whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+    let of_strip = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+    match mode {
+        Mode::Triangles => match indices.as_chunks::<3>() {
+            (triangles, []) => Ok(triangles.to_vec()),
+            _ => Err(format!("mesh {name} has {} indices, which is no whole number of triangles", indices.len())),
+        },
+        Mode::TriangleStrip => Ok(indices.windows(3).enumerate().map(of_strip).filter(is_whole).collect()),
+        Mode::TriangleFan => {
+            let rim = indices.get(1..).unwrap_or_default();
+            Ok(rim.windows(2).map(|w| [w[0], w[1], indices[0]]).filter(is_whole).collect())
+        }
+        _ => Err(format!("mesh {name} has primitives that are no triangles")),
+    }
 }
 
 /// Joints and weights of a primitive, and how many there are per vertex.

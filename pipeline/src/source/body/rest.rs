@@ -18,7 +18,7 @@ const SAME_M: f64 = 2e-3;
 pub(super) const NONE: f64 = 1e-5;
 
 /// A skin's joints and how the mesh was bound to them.
-pub(super) struct Skin {
+pub(in crate::source) struct Skin {
     /// Nodes.
     pub joints: Vec<usize>,
     /// Joint from mesh, one per joint: the inverse bind matrices.
@@ -28,7 +28,7 @@ pub(super) struct Skin {
 }
 
 /// How a skin's mesh comes into the world.
-pub(super) enum Rest {
+pub(in crate::source) enum Rest {
     /// World from mesh, the same for all joints.
     Bound(DMat4),
     /// World from mesh by each joint: the pose that the file shows is not the one in which the mesh was bound.
@@ -36,7 +36,7 @@ pub(super) enum Rest {
 }
 
 /// The skins of a file.
-pub(super) fn skins(file: &Container, most_joints: usize) -> Result<Vec<Skin>, String> {
+pub(in crate::source) fn skins(file: &Container, most_joints: usize) -> Result<Vec<Skin>, String> {
     let skin = |skin: gltf::Skin<'_>| {
         let joints: Vec<usize> = skin.joints().map(|node| node.index()).take(most_joints + 1).collect();
         if joints.len() > most_joints {

@@ -6,7 +6,7 @@
 //! line, hence a reader of our own instead of an importer that renumbers; the tests hold it against ufbx.
 
 mod lines;
-mod names;
+pub(super) mod names;
 mod number;
 mod piece;
 #[cfg(test)]

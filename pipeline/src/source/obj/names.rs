@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// Names as text.
 #[derive(Debug)]
-pub(super) struct Decoded {
+pub(in crate::source) struct Decoded {
     pub names: Vec<String>,
     /// The encoding, and which name shows first that it is not UTF-8; none where it is.
     pub foreign: Option<(&'static str, usize)>,
@@ -15,7 +15,7 @@ pub(super) struct Decoded {
 
 /// Decodes names. Fails with the number of a name that is text in no encoding that fits the others, and with the name
 /// of the likeliest encoding.
-pub(super) fn decode(names: &[&[u8]]) -> Result<Decoded, (usize, &'static str)> {
+pub(in crate::source) fn decode(names: &[&[u8]]) -> Result<Decoded, (usize, &'static str)> {
     // ISO-2022-JP is seven-bit: its escapes give it away.
     let is_foreign = |name: &&[u8]| std::str::from_utf8(name).is_err() || name.contains(&0x1b);
     let Some(first) = names.iter().position(is_foreign) else {
