@@ -9,18 +9,22 @@ use kitsuke::arrays::{Certificate, GarmentData, LeftOut, RbfLayer};
 use kitsuke::arrays::{ChainJoint, Rbf};
 use kitsuke::pack::layout::MAGIC;
 use kitsuke_pipeline::diagnostic::Diagnostic;
-use kitsuke_pipeline::source::{body, obj, tables};
+use kitsuke_pipeline::source::import::{self, ImportedMesh, Picture};
+use kitsuke_pipeline::source::{body, tables};
 use std::fmt::Write;
-use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Say what is in a pack, or what the importer sees in a source file (obj, glb, csv)
+/// Say what is in a pack, or what the importer sees in a source file (obj, ply, glb, gltf, vrm, fbx, csv)
 #[derive(clap::Args)]
 pub struct Args {
     /// The file
     file: PathBuf,
 }
+
+/// So many parts are listed.
+const PARTS: usize = 40;
 
 /// Prints the contents; 1 when the file cannot be read or is none of these.
 pub fn run(args: Args) -> ExitCode {
@@ -31,26 +35,35 @@ fn inspect(path: &Path) -> Result<String, String> {
     let file = path.to_string_lossy();
     let kind = path.extension().map(|kind| kind.to_string_lossy().to_ascii_lowercase());
     let mut report = Vec::new();
-    // A large scan is not held twice, as text and as mesh.
-    if kind.as_deref() == Some("obj") {
-        let mesh = File::open(path).and_then(|source| obj::read_from(&file, source, &mut report));
-        let mesh = mesh.map_err(|error| format!("cannot read {file}: {error}"))?;
-        let mesh = mesh.ok_or_else(|| said(&report))?;
-        return Ok(problems(mesh_text(&mesh), &report));
-    }
-    let bytes = read(path)?;
-    let text = match kind.as_deref() {
-        _ if bytes.starts_with(&MAGIC) => {
-            return Pack::open(&bytes)
-                .map(|pack| pack_text(&pack, bytes.len()))
-                .map_err(|error| format!("{file}: {error}"));
+    let is_pack = starts_with_magic(path);
+    if is_pack || kind.as_deref() == Some("csv") {
+        let bytes = read(path)?;
+        if is_pack {
+            let pack = Pack::open(&bytes).map_err(|error| format!("{file}: {error}"))?;
+            return Ok(pack_text(&pack, bytes.len()));
         }
-        Some("glb") => body::read(&file, &bytes, &mut report).map(|body| body_text(&body)),
-        Some("csv") => tables::read_rotations(&file, &bytes, &mut report).map(|table| table_text(&table)),
-        _ => return Err(format!("{file} is neither a pack nor a source file that can be inspected (obj, glb, csv)")),
-    };
-    let text = text.ok_or_else(|| said(&report))?;
+        let table = tables::read_rotations(&file, &bytes, &mut report).ok_or_else(|| said(&report))?;
+        return Ok(problems(table_text(&table), &report));
+    }
+    let mesh = import::read(&file, path, &mut report).map_err(|error| format!("cannot read {file}: {error}"))?;
+    let mesh = mesh.ok_or_else(|| said(&report))?;
+    let mut text = mesh_text(&mesh);
+    if mesh.format == import::Format::Gltf {
+        let bytes = read(path)?;
+        if body::has_skin(&bytes)
+            && let Some(body) = body::read(&file, &bytes, &mut report)
+        {
+            text = format!("{text}\nbody\n{}\n", body_text(&body));
+        }
+    }
     Ok(problems(text, &report))
+}
+
+/// Whether a file begins as a pack.
+fn starts_with_magic(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let length = MAGIC.len() as u64;
+    std::fs::File::open(path).and_then(|file| file.take(length).read_to_end(&mut start)).is_ok_and(|_| start == MAGIC)
 }
 
 fn problems(mut text: String, report: &[Diagnostic]) -> String {
@@ -146,36 +159,48 @@ fn accessories_text(pack: &Pack) -> String {
     text
 }
 
-fn mesh_text(mesh: &obj::Mesh) -> String {
+fn mesh_text(mesh: &ImportedMesh) -> String {
     let mut text = String::new();
-    let (mut triangles, mut quads, mut larger) = (0, 0, 0);
+    let soundness = mesh.soundness();
+    let (faces, quads, larger) = (mesh.polygon_count, mesh.quad_count, mesh.larger_count);
+    line!(text, "format", "{}", mesh.format.name());
+    line!(text, "vertices", "{} in the file's order, {} of them in no face", mesh.positions.len(), soundness.unused);
+    line!(text, "faces", "{faces}: {} triangles, {quads} quads, {larger} larger", faces - quads - larger);
     let mut in_part = vec![0; mesh.parts.len()];
-    for face in &mesh.faces {
-        *(match face.corner_count {
-            3 => &mut triangles,
-            4 => &mut quads,
-            _ => &mut larger,
-        }) += 1;
-        in_part[face.part as usize] += 1;
+    mesh.part_of_triangle.iter().for_each(|&part| in_part[part as usize] += 1);
+    for (number, (part, count)) in mesh.parts.iter().zip(in_part).enumerate().take(PARTS) {
+        let material = if part.material.is_empty() { String::new() } else { format!(", material {}", part.material) };
+        line!(text, if number == 0 { "parts" } else { "" }, "{}: {count} triangles{material}", part.name);
     }
-    let mut used = vec![false; mesh.positions.len()];
-    mesh.corners.iter().for_each(|corner| used[corner.vertex as usize] = true);
-    let unused = used.iter().filter(|used| !**used).count();
-    line!(text, "vertices", "{}, {unused} of them in no face", mesh.positions.len());
-    line!(text, "faces", "{}: {triangles} triangles, {quads} quads, {larger} larger", mesh.faces.len());
-    let complete = if mesh.is_textured() { "every corner has one" } else { "not every corner has one" };
-    line!(text, "uv", "{} texture coordinates, {complete}", mesh.uv.len());
-    if mesh.normal_count > 0 {
-        line!(text, "normals", "{} passed over: they are computed", mesh.normal_count);
+    if mesh.parts.len() > PARTS {
+        line!(text, "", "… and {} more", mesh.parts.len() - PARTS);
     }
-    for (part, (name, count)) in mesh.parts.iter().zip(in_part).enumerate() {
-        line!(text, if part == 0 { "parts" } else { "" }, "{name}: {count} faces");
+    line!(text, "uv", "{}", if mesh.uv.is_empty() { "none" } else { "texture coordinates at the corners" });
+    match &mesh.texture {
+        Some(Picture::Named(name)) => line!(text, "texture", "{name}"),
+        Some(Picture::Held(bytes)) => line!(text, "texture", "in the file, {} bytes", bytes.len()),
+        None => line!(text, "texture", "none"),
     }
-    if let Some((encoding, line)) = mesh.names_read_as {
-        line!(text, "names", "read as {encoding}, not UTF-8, first in line {line}");
+    if !mesh.colours.is_empty() {
+        line!(text, "colours", "of vertices");
     }
-    extent(&mut text, mesh.positions.iter().copied());
+    line!(text, "surface", "{} pieces, {} rims", soundness.components, soundness.border_loops);
+    if soundness.degenerate + soundness.non_manifold_edges > 0 {
+        let (flat, edges) = (soundness.degenerate, soundness.non_manifold_edges);
+        line!(text, "", "{flat} triangles without area, {edges} edges of more than two triangles");
+    }
+    match mesh.axes {
+        Some(axes) => line!(text, "axes", "up {}, front {}, by the file", axis(axes.up), axis(axes.front)),
+        None => line!(text, "axes", "not said in the file"),
+    }
+    extent(&mut text, mesh.positions.iter().copied(), mesh.unit_m);
     text
+}
+
+/// For example `-Z`.
+fn axis(direction: DVec3) -> String {
+    let number = direction.abs().max_position();
+    format!("{}{}", if direction[number] < 0.0 { '-' } else { '+' }, ["X", "Y", "Z"][number])
 }
 
 fn body_text(body: &kitsuke_pipeline::ir::Body) -> String {
@@ -184,7 +209,7 @@ fn body_text(body: &kitsuke_pipeline::ir::Body) -> String {
     line!(text, "triangles", "{}", body.surface.triangles.len());
     let bones: Vec<&str> = body.skeleton.joints().iter().map(|joint| joint.bone.name()).collect();
     line!(text, "bones", "{}: {}", bones.len(), bones.join(", "));
-    extent(&mut text, body.surface.positions_m.iter().map(|p| p.as_dvec3()));
+    extent(&mut text, body.surface.positions_m.iter().map(|p| p.as_dvec3()), None);
     text
 }
 
@@ -199,8 +224,8 @@ fn table_text(table: &tables::PoseTable) -> String {
     text
 }
 
-/// The box round the positions, and in which unit a garment or body of that size would be.
-fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
+/// The box round the positions, and the file's unit, or that in which a garment or body of that size would be.
+fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>, unit_m: Option<f64>) {
     let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (least, most) = positions.fold(start, |(least, most), p| (least.min(p), most.max(p)));
     if !(least.is_finite() && most.is_finite()) {
@@ -212,6 +237,12 @@ fn extent(text: &mut String, positions: impl Iterator<Item = DVec3>) {
     line!(text, "size", "{:.4} x {:.4} x {:.4}", size.x, size.y, size.z);
     // What people wear is between a child's sleeve and a train: 0.4 m to 4 m.
     let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
+    if let Some(unit_m) = unit_m {
+        let same = |(_, metres): &&(&str, f64)| (unit_m / metres - 1.0).abs() < 1e-6;
+        let name = units.iter().find(same).map_or_else(|| format!("{unit_m} m"), |(name, _)| (*name).to_owned());
+        line!(text, "unit", "{name}, by the file");
+        return;
+    }
     let likely = units.iter().find(|(_, metres)| (0.4..4.0).contains(&(size.max_element() * metres)));
     line!(text, "unit", "{}", likely.map_or("neither mm, cm nor m looks likely", |(name, _)| *name));
 }

@@ -27,7 +27,7 @@ pub(crate) fn cut(points: &[DVec3]) -> Vec<[usize; 3]> {
     let mut looks_left = LOOKS * points.len().min(MOST_SQUARED).pow(2);
     while ring.len() > 3 && looks_left > 0 {
         let n = ring.len();
-        let mut ear = |&i: &usize| {
+        let ear = |&i: &usize| {
             looks_left = looks_left.saturating_sub(n);
             let [a, b, c] = [ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]];
             let is_inside = |&p: &usize| turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0;

@@ -48,6 +48,12 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Bo
     }
 }
 
+/// Whether a file has a skin, so that it may be a body.
+#[must_use]
+pub fn has_skin(bytes: &[u8]) -> bool {
+    container::open(bytes).is_ok_and(|file| file.document.skins().len() > 0)
+}
+
 /// Reads a wearer's body, which may come without a skin.
 pub fn read_wearer(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<WearerBody> {
     match container::open(bytes).and_then(|opened| bare(&opened)) {

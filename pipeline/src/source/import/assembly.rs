@@ -93,6 +93,8 @@ impl Assembly {
             return Err(format!("the mesh has more than {TRIANGLES} triangles"));
         }
         self.mesh.polygon_count += 1;
+        self.mesh.quad_count += usize::from(corners.len() == 4);
+        self.mesh.larger_count += usize::from(corners.len() > 4);
         self.is_textured |= uv.is_some();
         let points: Vec<DVec3> = corners.iter().map(|&corner| self.mesh.positions[corner as usize]).collect();
         for triangle in polygon::cut(&points) {

@@ -6,6 +6,7 @@ mod fbx;
 mod gltf;
 mod obj;
 mod ply;
+mod soundness;
 
 use super::obj::names;
 use crate::diagnostic::{Diagnostic, Place};
@@ -13,6 +14,8 @@ use assembly::Assembly;
 use glam::{DVec3, Vec2};
 use std::io;
 use std::path::Path;
+
+pub use soundness::Soundness;
 
 /// Longest file that is read, bytes.
 const LONGEST: u64 = 2 << 30;
@@ -30,6 +33,10 @@ pub struct ImportedMesh {
     pub triangles: Vec<[u32; 3]>,
     /// How many polygons they were before they were cut.
     pub polygon_count: usize,
+    /// How many of the polygons had four corners.
+    pub quad_count: usize,
+    /// How many had more than four.
+    pub larger_count: usize,
     /// Texture coordinates of each triangle's corners, v upwards (0 at the picture's lowest row): one per triangle, or empty.
     pub uv: Vec<[Vec2; 3]>,
     /// Colours, sRGB: one per position, or empty.

@@ -35,6 +35,10 @@ pub(super) fn read(
     warnings: &mut Vec<Fault>,
 ) -> Option<ImportedMesh> {
     let mesh = crate::source::obj::read(file, bytes, report)?;
+    if let Some((encoding, line)) = mesh.names_read_as {
+        let problem = format!("the names are read as {encoding}, not UTF-8, first in line {line}");
+        warnings.push(Fault::new("mesh-names", problem, "Nothing needs to be done if the parts' names look right."));
+    }
     let extras = extras(bytes, &mesh);
     match assembled(&mesh, &extras, folder, warnings) {
         Ok(mesh) => Some(mesh),
