@@ -10,8 +10,16 @@ use kitsuke_pipeline::source;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// One function per fuzz target.
-pub const TARGETS: [Target; 6] =
-    [("osc", osc), ("bvh", bvh_text), ("json", json), ("glb", glb), ("body", body), ("obj", obj)];
+pub const TARGETS: [Target; 8] = [
+    ("osc", osc),
+    ("bvh", bvh_text),
+    ("json", json),
+    ("glb", glb),
+    ("body", body),
+    ("obj", obj),
+    ("ply", ply),
+    ("gltf_mesh", gltf_mesh),
+];
 
 /// Datagrams, each behind its length as two bytes, as a sender might interleave them; the time goes on by 10 ms each.
 pub fn osc(bytes: &[u8]) {
@@ -86,6 +94,34 @@ pub fn obj(bytes: &[u8]) {
         }
         None => assert!(!report.is_empty()),
     }
+}
+
+/// PLY, text and binary.
+pub fn ply(bytes: &[u8]) {
+    imported("mesh.ply", bytes);
+}
+
+/// A mesh of any kind of glTF, as JSON, a zero byte and the binary part.
+pub fn gltf_mesh(bytes: &[u8]) {
+    imported("mesh.glb", &binary_gltf(bytes));
+}
+
+fn imported(file: &str, bytes: &[u8]) {
+    let mut report = Vec::new();
+    let Some(mesh) = source::import::read_bytes(file, bytes, None, &mut report) else {
+        assert!(!report.is_empty());
+        return;
+    };
+    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+    assert!(vertices > 0 && mesh.positions.iter().all(|position| position.is_finite()));
+    assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < vertices));
+    assert!(mesh.colours.is_empty() || mesh.colours.len() == vertices);
+    assert!(mesh.uv.is_empty() || mesh.uv.len() == triangles);
+    assert!(mesh.uv.iter().flatten().all(|uv| uv.is_finite()));
+    assert_eq!(mesh.part_of_triangle.len(), triangles);
+    assert!(mesh.part_of_triangle.iter().all(|&part| (part as usize) < mesh.parts.len()));
+    let soundness = mesh.soundness();
+    assert!(soundness.components <= triangles && soundness.unused <= vertices);
 }
 
 /// The JSON up to the first zero byte, the binary part after it, so that a fuzzer need not count bytes.

@@ -14,6 +14,7 @@ mod fit_data;
 mod frame;
 mod garment;
 mod hostile;
+mod imports;
 mod inputs;
 mod invariants;
 mod limits;

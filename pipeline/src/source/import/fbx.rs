@@ -35,6 +35,12 @@ pub(super) fn read(bytes: &[u8], warnings: &mut Vec<Fault>) -> Result<ImportedMe
             append(&mut assembly, mesh, node, &mut pictures).map_err(fault)?;
         }
     }
+    if assembly.position_count() == 0 {
+        let nodes = scene.nodes.len().saturating_sub(1);
+        let other = scene.nurbs_surfaces.len() + scene.procedural_geometries.len();
+        let problem = format!("the scene has {nodes} nodes and no mesh ({other} curved surfaces of other kinds)");
+        return Err(Fault::new("mesh-empty", problem, "Export again with the mesh selected, curved surfaces made polygons."));
+    }
     super::note_skipped(&assembly, warnings);
     let texture = super::most_seen(&assembly, |part| pictures.get(part).cloned().flatten(), warnings);
     let unit_m = scene.settings.unit_meters;

@@ -34,13 +34,21 @@ pub(super) fn read(
     report: &mut Vec<Diagnostic>,
     warnings: &mut Vec<Fault>,
 ) -> Option<ImportedMesh> {
+    let (decoded, has_holes);
+    let bytes = match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => {
+            (decoded, _, has_holes) = encoding_rs::UTF_8.decode(bytes);
+            if has_holes { bytes } else { decoded.as_bytes() }
+        }
+        _ => bytes,
+    };
     let mesh = crate::source::obj::read(file, bytes, report)?;
     if let Some((encoding, line)) = mesh.names_read_as {
         let problem = format!("the names are read as {encoding}, not UTF-8, first in line {line}");
         warnings.push(Fault::new("mesh-names", problem, "Nothing needs to be done if the parts' names look right."));
     }
     let extras = extras(bytes, &mesh);
-    match assembled(&mesh, &extras, folder, warnings) {
+    match assembled(&mesh, &extras, folder, file, warnings) {
         Ok(mesh) => Some(mesh),
         Err(problem) => {
             let help = "Export the mesh again; every number must be finite.";
@@ -54,6 +62,7 @@ fn assembled(
     mesh: &Mesh,
     extras: &Extras,
     folder: Option<&Path>,
+    file: &str,
     warnings: &mut Vec<Fault>,
 ) -> Result<ImportedMesh, String> {
     let mut assembly = Assembly::default();
@@ -81,7 +90,7 @@ fn assembled(
         let uv: Option<Vec<Vec2>> = corners.iter().map(|corner| Some(mesh.uv[corner.uv? as usize])).collect();
         assembly.polygon(&vertices, uv.as_deref(), part, || format!("the face of line {}", face.line))?;
     }
-    let pictures = pictures(extras, folder, warnings);
+    let pictures = pictures(extras, folder, file, warnings);
     let picture = |part: usize| {
         let material = &assembly.parts()[part].material;
         pictures.iter().find(|(name, _)| name == material).map(|(_, picture)| Picture::Named(picture.clone()))
@@ -142,12 +151,19 @@ fn colours(extras: &Extras, count: usize) -> Vec<Option<[u8; 3]>> {
 }
 
 /// Materials of the libraries with the pictures of their colours.
-fn pictures(extras: &Extras, folder: Option<&Path>, warnings: &mut Vec<Fault>) -> Vec<(String, String)> {
+fn pictures(
+    extras: &Extras,
+    folder: Option<&Path>,
+    file: &str,
+    warnings: &mut Vec<Fault>,
+) -> Vec<(String, String)> {
     let mut pictures = Vec::new();
     let Some(folder) = folder else { return pictures };
     for library in extras.libraries.iter().take(LIBRARIES) {
         let name = text(library);
-        let Some(path) = beside(folder, &name) else {
+        // Renamed meshes keep the name of a file that was renamed too.
+        let renamed = || beside(folder, &Path::new(file).with_extension("mtl").file_name()?.to_string_lossy());
+        let Some(path) = beside(folder, &name).or_else(renamed) else {
             let problem = format!("the materials' file {name} is not beside this one, so that its pictures are not known");
             warnings.push(Fault::new("mesh-materials", problem, "Copy it beside the mesh, or say which picture to use."));
             continue;

@@ -24,6 +24,14 @@ pub(super) fn read(bytes: &[u8], warnings: &mut Vec<Fault>) -> Result<ImportedMe
     // Comments of another encoding (names of pictures) must not stop the library, which wants UTF-8.
     let header = header(&String::from_utf8_lossy(header_bytes)).map_err(fault)?;
     check(&header, payload.len()).map_err(fault)?;
+    let numbers;
+    let payload = match header.encoding {
+        Encoding::Ascii => {
+            numbers = plain_numbers(payload);
+            &*numbers
+        }
+        _ => payload,
+    };
     let mut reader = Reader::new(payload);
     let mut assembly = Assembly::default();
     let mut textured: Vec<Vec2> = Vec::new();
@@ -104,6 +112,29 @@ fn header(text: &str) -> Result<Header, String> {
         return Err("two elements, or two properties of one element, have one name".to_owned());
     }
     Ok(header)
+}
+
+/// A text with `.5` and `1.` as `0.5` and `1.0`, and without empty lines: the library knows neither.
+fn plain_numbers(text: &[u8]) -> Vec<u8> {
+    let mut plain = Vec::with_capacity(text.len() + 16);
+    for line in text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty()) {
+        for (at, &byte) in line.iter().enumerate() {
+            let is_digit = |at: Option<usize>| at.and_then(|at| line.get(at)).is_some_and(u8::is_ascii_digit);
+            if byte != b'.' {
+                plain.push(byte);
+                continue;
+            }
+            if !is_digit(at.checked_sub(1)) {
+                plain.push(b'0');
+            }
+            plain.push(b'.');
+            if !is_digit(Some(at + 1)) {
+                plain.push(b'0');
+            }
+        }
+        plain.push(b'\n');
+    }
+    plain
 }
 
 /// Holds what the header promises against the length of what follows, before anything is made room for.
