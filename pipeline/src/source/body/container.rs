@@ -2,10 +2,10 @@
 //! What a body does not need (pictures, materials, animations) is taken out first, since the glTF library refuses whole files for faults
 //! and novelties there; who wants to know how a mesh looks gets them as they stand ([`Looks`]). Knows no skeleton.
 
-use kitsuke::skeleton::names::vrm0_bone;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use kitsuke::skeleton::Bone;
+use kitsuke::skeleton::names::vrm0_bone;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::{Component, Path};
@@ -64,11 +64,7 @@ pub(in crate::source) fn open_with_looks(bytes: &[u8], folder: Option<&Path>) ->
     opened(bytes, folder, |name| name == "POSITION" || kept.iter().any(|kind| name.starts_with(kind)))
 }
 
-fn opened(
-    bytes: &[u8],
-    folder: Option<&Path>,
-    is_needed: impl Fn(&str) -> bool,
-) -> Result<(Container, Looks), String> {
+fn opened(bytes: &[u8], folder: Option<&Path>, is_needed: impl Fn(&str) -> bool) -> Result<(Container, Looks), String> {
     let unreadable = |error: &dyn std::fmt::Display| format!("this is no readable GLB: {error}");
     let glb;
     let (json, blob) = match bytes.starts_with(b"glTF") {
@@ -114,7 +110,9 @@ fn buffers(
     let buffer = |buffer: gltf::Buffer<'_>| {
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => blob.take().ok_or("a buffer is to lie in the file, which has none")?,
-            gltf::buffer::Source::Uri(uri) => named(uri, folder).map_err(|error| format!("a buffer cannot be read: {error}"))?,
+            gltf::buffer::Source::Uri(uri) => {
+                named(uri, folder).map_err(|error| format!("a buffer cannot be read: {error}"))?
+            }
         };
         match bytes.len() < buffer.length() {
             true => Err(format!("a buffer has {} bytes instead of {}", bytes.len(), buffer.length())),

@@ -39,7 +39,11 @@ pub(super) fn read(bytes: &[u8], warnings: &mut Vec<Fault>) -> Result<ImportedMe
         let nodes = scene.nodes.len().saturating_sub(1);
         let other = scene.nurbs_surfaces.len() + scene.procedural_geometries.len();
         let problem = format!("the scene has {nodes} nodes and no mesh ({other} curved surfaces of other kinds)");
-        return Err(Fault::new("mesh-empty", problem, "Export again with the mesh selected, curved surfaces made polygons."));
+        return Err(Fault::new(
+            "mesh-empty",
+            problem,
+            "Export again with the mesh selected, curved surfaces made polygons.",
+        ));
     }
     super::note_skipped(&assembly, warnings);
     let texture = super::most_seen(&assembly, |part| pictures.get(part).cloned().flatten(), warnings);
@@ -154,7 +158,11 @@ fn axes(axes: &ufbx::CoordinateAxes, warnings: &mut Vec<Fault>) -> Option<Axes> 
     let (up, front) = (up?, front?);
     if right.is_some_and(|right| up.cross(front).dot(right) < 0.0) {
         let problem = "the file's axes are left-handed, so that left and right may be exchanged";
-        warnings.push(Fault::new("mesh-axes", problem, "Check that the left front lies over the right one; export with right-handed axes."));
+        warnings.push(Fault::new(
+            "mesh-axes",
+            problem,
+            "Check that the left front lies over the right one; export with right-handed axes.",
+        ));
     }
     (up.dot(front) == 0.0).then_some(Axes { up, front })
 }

@@ -167,13 +167,18 @@ pub fn read_bytes(
         }
     };
     if mesh.positions.is_empty() {
-        let fault = Fault::new("mesh-empty", "the file has no vertices", "Export the mesh again, with what is to be seen selected.");
+        let fault = Fault::new(
+            "mesh-empty",
+            "the file has no vertices",
+            "Export the mesh again, with what is to be seen selected.",
+        );
         report.push(fault.said(file, Diagnostic::error));
         return None;
     }
     if mesh.triangles.is_empty() {
         let problem = format!("the file has {} vertices and no faces", mesh.positions.len());
-        let help = "Make a surface of the points in the scanner's program (Poisson or ball pivoting), then export again.";
+        let help =
+            "Make a surface of the points in the scanner's program (Poisson or ball pivoting), then export again.";
         warnings.push(Fault::new("mesh-faces", problem, help));
     }
     report.extend(warnings.into_iter().map(|warning| warning.said(file, Diagnostic::warning)));
@@ -226,7 +231,8 @@ fn format(file: &str, bytes: &[u8]) -> Result<Format, Fault> {
 
 /// Whether a text begins with what only OBJ files have.
 fn is_obj(start: &[u8]) -> bool {
-    let is_known = |line: &[u8]| [b"v ".as_slice(), b"mtllib ", b"vt ", b"vn "].iter().any(|word| line.starts_with(word));
+    let is_known =
+        |line: &[u8]| [b"v ".as_slice(), b"mtllib ", b"vt ", b"vn "].iter().any(|word| line.starts_with(word));
     start.split(|&byte| byte == b'\n').take(64).any(is_known)
 }
 

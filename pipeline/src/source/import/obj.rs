@@ -68,7 +68,8 @@ fn assembled(
     let mut assembly = Assembly::default();
     let colours = colours(extras, mesh.positions.len());
     for (vertex, (position, line)) in mesh.positions.iter().zip(&mesh.position_lines).enumerate() {
-        assembly.position(*position, colours.get(vertex).copied().flatten(), || format!("the vertex of line {line}"))?;
+        assembly
+            .position(*position, colours.get(vertex).copied().flatten(), || format!("the vertex of line {line}"))?;
     }
     let names: Vec<String> = extras.materials.iter().map(|(_, name)| text(name)).collect();
     let mut materials = extras.materials.iter().zip(&names).peekable();
@@ -151,12 +152,7 @@ fn colours(extras: &Extras, count: usize) -> Vec<Option<[u8; 3]>> {
 }
 
 /// Materials of the libraries with the pictures of their colours.
-fn pictures(
-    extras: &Extras,
-    folder: Option<&Path>,
-    file: &str,
-    warnings: &mut Vec<Fault>,
-) -> Vec<(String, String)> {
+fn pictures(extras: &Extras, folder: Option<&Path>, file: &str, warnings: &mut Vec<Fault>) -> Vec<(String, String)> {
     let mut pictures = Vec::new();
     let Some(folder) = folder else { return pictures };
     for library in extras.libraries.iter().take(LIBRARIES) {
@@ -164,8 +160,13 @@ fn pictures(
         // Renamed meshes keep the name of a file that was renamed too.
         let renamed = || beside(folder, &Path::new(file).with_extension("mtl").file_name()?.to_string_lossy());
         let Some(path) = beside(folder, &name).or_else(renamed) else {
-            let problem = format!("the materials' file {name} is not beside this one, so that its pictures are not known");
-            warnings.push(Fault::new("mesh-materials", problem, "Copy it beside the mesh, or say which picture to use."));
+            let problem =
+                format!("the materials' file {name} is not beside this one, so that its pictures are not known");
+            warnings.push(Fault::new(
+                "mesh-materials",
+                problem,
+                "Copy it beside the mesh, or say which picture to use.",
+            ));
             continue;
         };
         let bytes = path.metadata().is_ok_and(|metadata| metadata.len() <= LONGEST_MTL).then(|| std::fs::read(&path));

@@ -11,7 +11,8 @@ use ply_rs_bw::ply::{KeyMap, PropertyDef, ScalarType};
 /// Longest header, bytes.
 const LONGEST_HEADER: usize = 1 << 20;
 /// What to do about a file that is broken.
-const EXPORT: &str = "Export the scan again as PLY with vertices x, y, z and faces vertex_indices; every number must be finite.";
+const EXPORT: &str =
+    "Export the scan again as PLY with vertices x, y, z and faces vertex_indices; every number must be finite.";
 /// Names that programs give to one property.
 const TEXTURE_U: [&str; 4] = ["s", "u", "texture_u", "texture_s"];
 const TEXTURE_V: [&str; 4] = ["t", "v", "texture_v", "texture_t"];
@@ -59,7 +60,10 @@ pub(super) fn read(bytes: &[u8], warnings: &mut Vec<Fault>) -> Result<ImportedMe
                 for (number, row) in rows.map_err(unread)?.into_iter().enumerate() {
                     let naming = || format!("{name} {number}");
                     for corners in row.polygons(name == "tristrips").map_err(|index| {
-                        fault(format!("{name} {number} names vertex {index}, but there are {}", assembly.position_count()))
+                        fault(format!(
+                            "{name} {number} names vertex {index}, but there are {}",
+                            assembly.position_count()
+                        ))
                     })? {
                         let own: Vec<Vec2> = row.uv.as_chunks::<2>().0.iter().map(|uv| Vec2::from_array(*uv)).collect();
                         let of_vertex = |&corner: &u32| textured.get(corner as usize).copied();
@@ -169,7 +173,9 @@ fn check(header: &Header, payload: usize) -> Result<(), String> {
         if place(name) < place("vertex") {
             return Err(format!("element {name} stands before the vertices"));
         }
-        let is_list = |name: &&str| matches!(faces.properties.get(*name), Some(PropertyDef { data_type: PropertyType::List(..), .. }));
+        let is_list = |name: &&str| {
+            matches!(faces.properties.get(*name), Some(PropertyDef { data_type: PropertyType::List(..), .. }))
+        };
         if !INDICES.iter().any(is_list) {
             return Err(format!("element {name} has no list vertex_indices"));
         }
