@@ -793,6 +793,9 @@ fn one_garment_is_the_same_as_text_and_binary_and_has_the_faces_of_its_obj() {
     assert!(count == 216 && apart < 0.01, "{count} {apart}");
 }
 
+/// What reads, and the files that it is fed.
+type Fed = (fn(&[u8]), Vec<Vec<u8>>);
+
 /// The corpora of the fuzz targets, and other kinds of our own, with some bytes changed, taken out or doubled.
 #[test]
 fn damaged_files_do_no_harm() {
@@ -802,7 +805,7 @@ fn damaged_files_do_no_harm() {
         (state >> 33) as usize % below.max(1)
     };
     let corpus = |name: &str| files_of(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(name));
-    let own: [(fn(&[u8]), Vec<Vec<u8>>); 4] = [
+    let own: [Fed; 4] = [
         (hostile::ply, corpus("ply").iter().map(|(_, path)| fs::read(path).unwrap()).collect()),
         (hostile::gltf_mesh, corpus("gltf_mesh").iter().map(|(_, path)| fs::read(path).unwrap()).collect()),
         (|bytes| drop(read_in("m.obj", bytes, None)), vec![obj_text().into()]),
