@@ -2,7 +2,7 @@
 //! contents of what is computed from it.
 //!
 //! Each folder is a room that stands on the rooms below it and knows none above: `catalog` on `build` on `measure` on
-//! `stages`; `load` on `check` on `source`; `look` on `ir`.
+//! `stages`; `load` on `check` on `source`; `meshlab` on `source`; `look` on `ir`.
 
 mod build;
 pub mod catalog;
@@ -14,6 +14,7 @@ mod load;
 pub mod look;
 pub mod measure;
 pub mod memo;
+pub mod meshlab;
 pub mod source;
 pub mod stages;
 

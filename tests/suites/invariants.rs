@@ -95,7 +95,7 @@ fn rooms_stand_on_the_floors_below_them() {
     let pipeline: &[&[&str]] = &[
         &["diagnostic", "ir", "memo"],
         &["source", "look", "stages"],
-        &["check", "measure"],
+        &["check", "measure", "meshlab"],
         &["load", "build", "draft"],
         &["catalog"],
     ];

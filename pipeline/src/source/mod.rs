@@ -3,6 +3,7 @@
 
 pub mod body;
 pub(crate) mod causes;
+pub mod clean_answer;
 mod delimited;
 pub mod folder;
 pub mod formula;
@@ -11,6 +12,7 @@ pub mod manifest;
 pub mod masks;
 pub mod measurements;
 mod numbers;
+pub mod npy;
 pub mod obj;
 pub mod paths;
 pub(crate) mod polygon;
