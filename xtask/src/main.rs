@@ -5,6 +5,7 @@ mod bench;
 mod build_catalog;
 mod check;
 mod ci;
+mod clean;
 mod compare_packs;
 mod covered;
 mod evaluate;
@@ -40,6 +41,7 @@ enum Verb {
     BuildCatalog(build_catalog::Args),
     Check(check::Args),
     Ci(ci::Args),
+    Clean(clean::Args),
     ComparePacks(compare_packs::Args),
     Covered(covered::Args),
     Evaluate(evaluate::Args),
@@ -68,6 +70,7 @@ fn main() -> ExitCode {
         Verb::BuildCatalog(args) => build_catalog::run(args),
         Verb::Check(args) => check::run(args),
         Verb::Ci(args) => ci::run(args),
+        Verb::Clean(args) => clean::run(args),
         Verb::ComparePacks(args) => compare_packs::run(args),
         Verb::Covered(args) => covered::run(args),
         Verb::Evaluate(args) => evaluate::run(args),

@@ -88,7 +88,12 @@ impl Cleaned {
             positions: self.positions_m.clone(),
             triangles: self.triangles.clone(),
             polygon_count: self.triangles.len(),
-            uv: uv.map(|(i, turned)| { let [a, b, c] = source.uv[i]; if *turned { [a, c, b] } else { [a, b, c] } }).collect(),
+            uv: uv
+                .map(|(i, turned)| {
+                    let [a, b, c] = source.uv[i];
+                    if *turned { [a, c, b] } else { [a, b, c] }
+                })
+                .collect(),
             colours: colours.map(|&vertex| source.colours[vertex as usize]).collect(),
             parts: source.parts.clone(),
             part_of_triangle: parts.map(|i| source.part_of_triangle[i]).collect(),
@@ -127,7 +132,8 @@ pub fn clean(
         "folder": folder.to_string_lossy(), "merge_m": merge_m, "least_share": least_share, "least_triangles": least_triangles,
         "hole_m": hole_m,
     });
-    let mut command = Command::new(python);
+    // Absolute, because it runs elsewhere; links stay, for they are how Python finds its environment.
+    let mut command = Command::new(std::path::absolute(python).map_err(|error| MeshlabError::io(python, &error))?);
     command.args(["-I", "-B"]).arg(folder.join("clean.py")).current_dir(folder);
     minimal_environment(&mut command, folder);
     let ended = process::run(&mut command, format!("{request}\n").as_bytes(), Some(limit))
@@ -147,7 +153,11 @@ fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Setting
         return Err("it has no triangles".to_owned());
     }
     if positions_m.len().max(triangles.len()) > MOST {
-        return Err(format!("it has {} vertices and {} triangles, more than {MOST}", positions_m.len(), triangles.len()));
+        return Err(format!(
+            "it has {} vertices and {} triangles, more than {MOST}",
+            positions_m.len(),
+            triangles.len()
+        ));
     }
     if let Some(i) = positions_m.iter().position(|p| !(p.abs().max_element() <= FARTHEST_M)) {
         return Err(format!("vertex {i} lies at {} m; is the unit right?", positions_m[i]));
@@ -155,7 +165,8 @@ fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Setting
     if let Some(i) = triangles.iter().position(|t| t.iter().any(|&corner| corner as usize >= positions_m.len())) {
         return Err(format!("triangle {i} names a vertex that does not exist"));
     }
-    let bounds = [("merge distance", merge_m, 0.1), ("least share", least_share, 1.0), ("size of holes", hole_m, FARTHEST_M)];
+    let bounds =
+        [("merge distance", merge_m, 0.1), ("least share", least_share, 1.0), ("size of holes", hole_m, FARTHEST_M)];
     match bounds.iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
         Some((name, value, most)) => Err(format!("the {name} is {value}, not within 0 and {most}")),
         None => Ok(()),

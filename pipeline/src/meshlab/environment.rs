@@ -1,8 +1,8 @@
 //! The virtual environment of pymeshlab: made once per list of requirements, by the user's own Python and pip, in the cache. Knows
 //! nothing of meshes.
 
-use super::process::{self, last_lines};
 use super::MeshlabError;
+use super::process::{self, last_lines};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,8 @@ pub fn python(cache: &Path, progress: &dyn Fn(&str)) -> Result<PathBuf, MeshlabE
 fn lock(room: &Path, progress: &dyn Fn(&str)) -> Result<fs::File, MeshlabError> {
     let path = room.join("lock");
     let io = |error| MeshlabError::io(&path, &error);
-    let mut file = fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
+    let mut file =
+        fs::OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
     match file.try_lock() {
         Ok(()) => {}
         Err(fs::TryLockError::WouldBlock) => {
@@ -97,7 +98,8 @@ fn base_python() -> Result<&'static str, MeshlabError> {
         let said = String::from_utf8_lossy(&ended.stdout);
         let mut words = said.split_whitespace();
         let found = [words.next(), words.next(), words.next()].map(Option::unwrap_or_default);
-        let fits = found[0] == "cpython" && found[1] == "3" && found[2].parse().is_ok_and(|minor| MINORS.contains(&minor));
+        let fits =
+            found[0] == "cpython" && found[1] == "3" && found[2].parse().is_ok_and(|minor| MINORS.contains(&minor));
         let problem = match (fits, words.next()) {
             (true, Some("whole")) => return Ok(name),
             (true, _) => MeshlabError::NoVenv { python: name.to_owned(), tail: ended.tail },

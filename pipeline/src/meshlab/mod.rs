@@ -34,7 +34,8 @@ pub enum MeshlabError {
     /// Python cannot make virtual environments.
     #[error(
         "cleaning scans needs a virtual environment for pymeshlab, and {python} cannot make one: install its modules venv and ensurepip \
-         (Debian: apt install python3-venv){}", said(tail)
+         (Debian: apt install python3-venv){}",
+        said(tail)
     )]
     NoVenv {
         /// The command.
@@ -45,7 +46,8 @@ pub enum MeshlabError {
     /// pip failed.
     #[error(
         "cleaning scans needs pymeshlab, which could not be installed (about 130 MB, once): is this machine on the network, and can pip reach its \
-         package index (proxies and mirrors are set as for any pip)?{}", said(tail)
+         package index (proxies and mirrors are set as for any pip)?{}",
+        said(tail)
     )]
     Pip {
         /// What it said last.
@@ -54,7 +56,8 @@ pub enum MeshlabError {
     /// Python is there, pymeshlab's libraries are not.
     #[error(
         "pymeshlab, which cleans scans, does not start: it needs shared libraries of the system (Debian: apt install libgl1 libopengl0 libglx0 libx11-6 \
-         libfontconfig1 libgmp10){}", said(tail)
+         libfontconfig1 libgmp10){}",
+        said(tail)
     )]
     SharedLibrary {
         /// What it said last.
