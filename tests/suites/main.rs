@@ -4,6 +4,7 @@ mod accessories;
 mod blending;
 mod bodies;
 mod build;
+mod clean;
 mod covered;
 mod doors;
 mod doors_csharp;
