@@ -44,11 +44,12 @@ def areas(positions, triangles):
 
 
 def edges_of(triangles):
-    """Undirected edges, each once, and how many triangles have each."""
+    """Undirected edges, each once, and how many triangles have each. Triangles with a corner twice do not count."""
     import numpy as np
 
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
     directed = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    directed = directed[directed[:, 0] != directed[:, 1]]
     if not len(directed):
         return directed, np.zeros(0, int)
     return np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
