@@ -147,6 +147,11 @@ pub fn clean(
     cleaned(folder, given, &ended.stdout).map_err(|problem| MeshlabError::Answer { problem, tail: ended.tail })
 }
 
+/// Of numbers, and within bounds; the largest element of a vector says nothing of the others that are no numbers.
+fn is_place(position_m: DVec3) -> bool {
+    position_m.is_finite() && position_m.abs().max_element() <= FARTHEST_M
+}
+
 fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Settings) -> Result<(), String> {
     let Settings { merge_m, least_share, hole_m, .. } = *settings;
     if positions_m.is_empty() || triangles.is_empty() {
@@ -159,7 +164,7 @@ fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Setting
             triangles.len()
         ));
     }
-    if let Some(i) = positions_m.iter().position(|p| !(p.abs().max_element() <= FARTHEST_M)) {
+    if let Some(i) = positions_m.iter().position(|&p| !is_place(p)) {
         return Err(format!("vertex {i} lies at {} m; is the unit right?", positions_m[i]));
     }
     if let Some(i) = triangles.iter().position(|t| t.iter().any(|&corner| corner as usize >= positions_m.len())) {
@@ -217,7 +222,7 @@ fn cleaned(folder: &Path, (vertices, triangles): (usize, usize), stdout: &[u8]) 
     if [source_triangle.len(), turned.len(), report.after.triangles as usize] != [t; 3] {
         return Err("its arrays disagree on the number of triangles".to_owned());
     }
-    if positions_m.iter().any(|p| !(p.abs().max_element() <= FARTHEST_M)) {
+    if positions_m.iter().any(|&p| !is_place(p)) {
         return Err("a position is no place".to_owned());
     }
     let triangles_out: Vec<[u32; 3]> =

@@ -61,7 +61,7 @@ pub fn python(cache: &Path, progress: &dyn Fn(&str)) -> Result<PathBuf, MeshlabE
     if beside.exists() {
         fs::remove_dir_all(&beside).map_err(|error| MeshlabError::io(&beside, &error))?;
     }
-    let made = install(&base, &beside, progress);
+    let made = install(base, &beside, progress);
     if made.is_ok() {
         fs::rename(&beside, &folder).map_err(|error| MeshlabError::io(&folder, &error))?;
     } else {
@@ -127,8 +127,9 @@ fn install(base: &str, beside: &Path, progress: &dyn Fn(&str)) -> Result<(), Mes
     pip.args(["-I", "-m", "pip", "install", "--no-input", "--disable-pip-version-check", "--progress-bar", "off"]);
     pip.args(["--require-hashes", "--only-binary", ":all:", "-r"]).arg(&requirements);
     let ended = process::run(&mut pip, b"", None).map_err(start)?;
-    match ended.status.is_some_and(|status| status.success()) {
-        true => Ok(progress("pymeshlab is installed")),
-        false => Err(MeshlabError::Pip { tail: ended.tail }),
+    if !ended.status.is_some_and(|status| status.success()) {
+        return Err(MeshlabError::Pip { tail: ended.tail });
     }
+    progress("pymeshlab is installed");
+    Ok(())
 }

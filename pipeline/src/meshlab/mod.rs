@@ -46,7 +46,7 @@ pub enum MeshlabError {
     /// pip failed.
     #[error(
         "cleaning scans needs pymeshlab, which could not be installed (about 130 MB, once): is this machine on the network, and can pip reach its \
-         package index (proxies and mirrors are set as for any pip)?{}",
+         package index (proxies and mirrors are set as for any pip)? On Linux its files need glibc 2.35 or newer (Debian 12, Ubuntu 22.04).{}",
         said(tail)
     )]
     Pip {
