@@ -3,7 +3,7 @@
 use crate::places::{ended, in_workspace, say, write_whole};
 use glam::DVec3;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
-use kitsuke_pipeline::meshlab::{self, Cleaned, Figures, Settings, environment};
+use kitsuke_pipeline::meshlab::{self, Cleaned, Settings, environment};
 use kitsuke_pipeline::source::import::{ImportedMesh, Part, Picture};
 use kitsuke_pipeline::source::obj;
 use kitsuke_pipeline::source::units::LengthUnit;
@@ -139,16 +139,16 @@ fn table(cleaned: &Cleaned) -> String {
     let report = &cleaned.report;
     let (before, after) = (report.before, report.after);
     let mut text = format!("{:<24}{:>12}{:>12}\n", "", "before", "after");
-    let counts: [(&str, fn(&Figures) -> u32); 6] = [
-        ("vertices", |f| f.vertices),
-        ("triangles", |f| f.triangles),
-        ("pieces", |f| f.components),
-        ("non-manifold edges", |f| f.non_manifold_edges),
-        ("non-manifold vertices", |f| f.non_manifold_vertices),
-        ("borders", |f| f.borders),
+    let counts = [
+        ("vertices", before.vertices, after.vertices),
+        ("triangles", before.triangles, after.triangles),
+        ("pieces", before.components, after.components),
+        ("non-manifold edges", before.non_manifold_edges, after.non_manifold_edges),
+        ("non-manifold vertices", before.non_manifold_vertices, after.non_manifold_vertices),
+        ("borders", before.borders, after.borders),
     ];
-    for (name, count) in counts {
-        text += &format!("{name:<24}{:>12}{:>12}\n", count(&before), count(&after));
+    for (name, before, after) in counts {
+        text += &format!("{name:<24}{before:>12}{after:>12}\n");
     }
     text += &format!("{:<24}{:>12.0}{:>12.0}\n", "borders, mm", before.border_m * 1e3, after.border_m * 1e3);
     text += &format!("{:<24}{:>12.4}{:>12.4}\n\n", "area, m²", before.area_m2, after.area_m2);
