@@ -17,7 +17,9 @@ mod places;
 mod play;
 mod pose_rows;
 mod preview;
+mod register;
 mod replay;
+mod scans;
 mod schema;
 mod shots;
 mod skinning;
@@ -52,6 +54,7 @@ enum Verb {
     Play(play::Args),
     PoseRows(pose_rows::Args),
     Preview(preview::Args),
+    Register(register::Args),
     Replay(replay::Args),
     Schema(schema::Args),
     Skinning(skinning::Args),
@@ -81,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Play(args) => play::run(args),
         Verb::PoseRows(args) => pose_rows::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Register(args) => register::run(args),
         Verb::Replay(args) => replay::run(args),
         Verb::Schema(args) => schema::run(args),
         Verb::Skinning(args) => skinning::run(args),

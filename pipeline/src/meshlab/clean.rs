@@ -85,6 +85,9 @@ impl Cleaned {
         let colours = self.source_vertex.iter().filter(|_| !source.colours.is_empty());
         let parts = of_triangles().filter(|_| !source.part_of_triangle.is_empty());
         ImportedMesh {
+            format: source.format,
+            quad_count: 0,
+            larger_count: 0,
             positions: self.positions_m.clone(),
             triangles: self.triangles.clone(),
             polygon_count: self.triangles.len(),

@@ -16,6 +16,7 @@ pub(crate) mod numbers;
 pub(crate) mod posed_body;
 pub mod reach;
 pub mod regions;
+pub mod register;
 pub mod skin;
 pub mod skin_fit;
 pub(crate) mod twins;

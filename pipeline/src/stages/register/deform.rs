@@ -1,0 +1,362 @@
+//! Deforms the base onto a surface: rounds of nearest places and one sparse system, looser from round to round.
+
+use super::super::StageError;
+use super::Settings;
+use super::rotation::{nearest_rotation, outer};
+use super::surface::{Surface, border_edges, normals, smooth_normals};
+use super::visible::covers;
+use glam::{DMat3, DVec3};
+use kitsuke::sparse_cholesky::SparseCholesky;
+use rayon::prelude::*;
+
+/// Surfaces that face away from each other by more than this cosine are different layers.
+const SAME_WAY: f64 = 0.5;
+/// Borders that run or end in other directions than by these cosines are different borders.
+const ALONG: f64 = 0.7;
+const OUTWARD: f64 = 0.3;
+/// How much a pull counts in the directions in which cloth may slide: along a surface, along a border.
+const SLIDE: f64 = 0.02;
+/// How much more a border counts than a place of the surface.
+const BORDER: f64 = 4.0;
+/// How much what lies over a hidden vertex pulls at it.
+const COVERED: f64 = 0.1;
+/// Every vertex is held where it is by so much, so that the equations always have one solution.
+const HELD: f64 = 1e-6;
+
+pub(super) struct Laid {
+    pub positions_m: Vec<DVec3>,
+    pub confidence: Vec<f64>,
+    pub turned_over: Vec<u32>,
+}
+
+/// Neighbours along edges, each once, ascending.
+fn neighbours(count: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut of = vec![Vec::new(); count];
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            of[from as usize].push(to);
+            of[to as usize].push(from);
+        }
+    }
+    for near in &mut of {
+        near.sort_unstable();
+        near.dedup();
+    }
+    of
+}
+
+/// What pulls at a vertex: a place, how strongly, and along which direction.
+#[derive(Clone, Copy, Debug)]
+struct Pull {
+    to_m: DVec3,
+    weight: f64,
+    /// Unit: across a surface, along a border.
+    direction: DVec3,
+    /// How much the direction and what is square to it count.
+    shares: [f64; 2],
+}
+
+impl Pull {
+    /// The matrix whose quadratic form is the pull's energy.
+    fn matrix(&self) -> DMat3 {
+        let [along, square] = self.shares.map(|share| share * self.weight);
+        outer(self.direction, self.direction) * (along - square) + DMat3::from_diagonal(DVec3::splat(square))
+    }
+}
+
+/// How far places are looked for, metres.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    surface_m: f64,
+    border_m: f64,
+}
+
+/// A symmetric matrix by rows.
+struct Matrix {
+    starts: Vec<usize>,
+    columns: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl Matrix {
+    /// From entries of one triangle and the diagonal; those that stand at one place are added up.
+    fn new(size: usize, entries: &[(u32, u32, f64)]) -> Matrix {
+        let mirrored = entries.iter().filter(|(a, b, _)| a != b).map(|&(a, b, value)| (b, a, value));
+        let mut all: Vec<(u32, u32, f64)> = entries.iter().copied().chain(mirrored).collect();
+        all.sort_by_key(|&(a, b, _)| (a, b));
+        let (mut starts, mut columns, mut values) = (vec![0; size + 1], Vec::new(), Vec::new());
+        for same in all.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            columns.push(same[0].1);
+            values.push(same.iter().map(|entry| entry.2).sum());
+            starts[same[0].0 as usize + 1] = columns.len();
+        }
+        for row in 0..size {
+            starts[row + 1] = starts[row + 1].max(starts[row]);
+        }
+        Matrix { starts, columns, values }
+    }
+
+    fn times(&self, row: usize, x: &[DVec3]) -> DVec3 {
+        let range = self.starts[row]..self.starts[row + 1];
+        self.columns[range.clone()].iter().zip(&self.values[range]).map(|(&c, &value)| x[c as usize] * value).sum()
+    }
+}
+
+/// Solves (held + own) x = right by conjugate gradients from where x is, with the factor of a matrix that is near for a preconditioner.
+fn solve(held: &Matrix, own: &[DMat3], near: &SparseCholesky, right: &[DVec3], x: &mut [DVec3]) {
+    /// The residual, in the preconditioner's measure, has to fall by this factor.
+    const LEFT: f64 = 1e-8;
+    const STEPS: usize = 60;
+    let times = |x: &[DVec3]| -> Vec<DVec3> {
+        (0..x.len()).into_par_iter().map(|v| held.times(v, x) + own[v] * x[v]).collect()
+    };
+    let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
+    let mut scratch = vec![[0.0; 3]; x.len()];
+    let mut conditioned = |residual: &[DVec3]| -> Vec<DVec3> {
+        let mut solved: Vec<[f64; 3]> = residual.iter().map(|p| p.to_array()).collect();
+        near.solve(&mut solved, &mut scratch);
+        solved.into_iter().map(DVec3::from_array).collect()
+    };
+    let mut residual: Vec<DVec3> = right.iter().zip(times(x)).map(|(b, ax)| *b - ax).collect();
+    let mut z = conditioned(&residual);
+    let mut direction = z.clone();
+    let mut size = dot(&residual, &z);
+    let first = size;
+    for _ in 0..STEPS {
+        if size <= LEFT * LEFT * first || size == 0.0 {
+            break;
+        }
+        let image = times(&direction);
+        let step = size / dot(&direction, &image);
+        for v in 0..x.len() {
+            x[v] += step * direction[v];
+            residual[v] -= step * image[v];
+        }
+        z = conditioned(&residual);
+        let next = dot(&residual, &z);
+        direction = z.iter().zip(&direction).map(|(z, d)| *z + *d * (next / size)).collect();
+        size = next;
+    }
+}
+
+pub(super) fn deform(
+    base_m: &[DVec3],
+    triangles: &[[u32; 3]],
+    seen: &[bool],
+    scan: &Surface,
+    settings: &Settings,
+) -> Result<Laid, StageError> {
+    let count = base_m.len();
+    let near = neighbours(count, triangles);
+    let base_normals = normals(base_m, triangles);
+    let covers = covers(base_m, triangles, seen);
+    let bend_of = |v: usize, places: &[DVec3]| {
+        let mean: DVec3 = near[v].iter().map(|&n| places[n as usize]).sum();
+        places[v] - mean / near[v].len().max(1) as f64
+    };
+    let base_bends: Vec<DVec3> = (0..count).map(|v| bend_of(v, base_m)).collect();
+    let bends = bend_products(&near);
+    let borders = Borders::of(scan);
+    let own_borders = border_edges(triangles);
+
+    let mut places = base_m.to_vec();
+    let mut weights = vec![0.0; count];
+    for round in 0..settings.rounds {
+        let share = round as f64 / (settings.rounds.max(2) - 1) as f64;
+        let between = |first: f64, last: f64| first * libm::pow(last / first, share);
+        let stiff = between(settings.stiff_first, settings.stiff_last);
+        let reach = Reach {
+            surface_m: between(settings.within_first_m, settings.within_last_m),
+            border_m: between(settings.border_first_m, settings.within_last_m),
+        };
+        let stretch = stiff.sqrt() * settings.stretch;
+        let mut entries: Vec<(u32, u32, f64)> = bends.iter().map(|&(a, b, value)| (a, b, stiff * value)).collect();
+        for v in 0..count as u32 {
+            for &n in near[v as usize].iter().filter(|&&n| n > v) {
+                entries.extend([(v, v, stretch), (n, n, stretch), (n, v, -stretch)]);
+            }
+        }
+        let held = Matrix::new(count, &entries);
+        let mut factor = None;
+        for _ in 0..settings.steps {
+            let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
+            let pulls = pulls(&places, triangles, seen, scan, &borders, &own_borders, reach);
+            let mut right: Vec<DVec3> = vec![DVec3::ZERO; count];
+            let mut own: Vec<DMat3> = vec![DMat3::from_diagonal(DVec3::splat(HELD)); count];
+            for v in 0..count {
+                // Bend: the vertex against the mean of its neighbours, as in the base, turned along.
+                let wanted = turns[v] * base_bends[v] * stiff;
+                right[v] += wanted;
+                let part = wanted / near[v].len().max(1) as f64;
+                near[v].iter().for_each(|&n| right[n as usize] -= part);
+                // Stretch: each edge as in the base, turned along with both its ends.
+                for &n in near[v].iter().filter(|&&n| n as usize > v) {
+                    let edge = (turns[v] + turns[n as usize]) * (base_m[v] - base_m[n as usize]) * (0.5 * stretch);
+                    right[v] += edge;
+                    right[n as usize] -= edge;
+                }
+                right[v] += HELD * places[v];
+                weights[v] = pulls[v].map_or(0.0, |pull| pull.weight);
+                if let Some(pull) = pulls[v] {
+                    let matrix = pull.matrix();
+                    own[v] += matrix;
+                    right[v] += matrix * pull.to_m;
+                } else if let Some(cover) = &covers[v] {
+                    let corners = triangles[cover.triangle as usize].map(|c| c as usize);
+                    let mix = |places: &[DVec3]| -> DVec3 {
+                        corners.iter().zip(cover.shares).map(|(&c, s)| places[c] * s).sum()
+                    };
+                    let to = mix(&places) + turns[corners[0]] * (base_m[v] - mix(base_m));
+                    own[v] += DMat3::from_diagonal(DVec3::splat(COVERED));
+                    right[v] += COVERED * to;
+                }
+            }
+            // The factor of a round's first step serves all its steps: it only has to be near.
+            let near = match &mut factor {
+                Some(factor) => factor,
+                none => {
+                    let means = own.iter().enumerate().map(|(v, m)| {
+                        let trace = m.x_axis.x + m.y_axis.y + m.z_axis.z;
+                        (v as u32, v as u32, trace / 3.0)
+                    });
+                    let all: Vec<(u32, u32, f64)> = entries.iter().copied().chain(means).collect();
+                    let found = SparseCholesky::new(count, &all).map_err(|error| {
+                        StageError::new("register", format!("the base cannot be laid onto the scan: {error}"))
+                    })?;
+                    none.insert(found)
+                }
+            };
+            solve(&held, &own, near, &right, &mut places);
+        }
+    }
+    let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
+    let turned_over = turned_over(base_m, &places, triangles, &turns);
+    Ok(Laid { positions_m: places, confidence: weights.into_iter().map(|w| w.min(1.0)).collect(), turned_over })
+}
+
+/// Triangles whose normal has turned by more than 90 degrees beyond the turn of their corners.
+fn turned_over(base_m: &[DVec3], places: &[DVec3], triangles: &[[u32; 3]], turns: &[DMat3]) -> Vec<u32> {
+    let normal = |places: &[DVec3], corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|v| places[v as usize]);
+        (b - a).cross(c - a)
+    };
+    let is_over = |(_, corners): &(usize, &[u32; 3])| {
+        let turn = corners.iter().fold(DMat3::ZERO, |sum, &v| sum + turns[v as usize]);
+        (turn * normal(base_m, corners)).dot(normal(places, corners)) < 0.0
+    };
+    triangles.iter().enumerate().filter(is_over).map(|(t, _)| t as u32).collect()
+}
+
+/// The lower triangle of the matrix of all bends: the sum over vertices of bᵀb, where b takes places to the vertex's bend.
+fn bend_products(near: &[Vec<u32>]) -> Vec<(u32, u32, f64)> {
+    let mut entries = Vec::new();
+    for (v, near) in near.iter().enumerate() {
+        let share = -1.0 / near.len().max(1) as f64;
+        let row: Vec<(u32, f64)> = std::iter::once((v as u32, 1.0)).chain(near.iter().map(|&n| (n, share))).collect();
+        for &(a, x) in &row {
+            entries.extend(row.iter().filter(|(b, _)| *b <= a).map(|&(b, y)| (a, b, x * y)));
+        }
+    }
+    entries
+}
+
+/// How each vertex' surroundings have turned since the base. The normal counts like an edge: what is flat turns about no line.
+fn turns(base_m: &[DVec3], places: &[DVec3], near: &[Vec<u32>], from: &[DVec3], to: &[DVec3]) -> Vec<DMat3> {
+    let raw = |v: usize| {
+        let mut sum = DMat3::ZERO;
+        let mut squares = 0.0;
+        for &n in &near[v] {
+            let edge = base_m[n as usize] - base_m[v];
+            sum += outer(places[n as usize] - places[v], edge);
+            squares += edge.length_squared();
+        }
+        sum + outer(to[v], from[v]) * (squares / near[v].len().max(1) as f64)
+    };
+    let raw: Vec<DMat3> = (0..base_m.len()).into_par_iter().map(raw).collect();
+    let turn = |v: usize| {
+        let sum = near[v].iter().fold(raw[v] * 2.0, |sum, &n| sum + raw[n as usize]);
+        nearest_rotation(sum)
+    };
+    (0..base_m.len()).into_par_iter().map(turn).collect()
+}
+
+/// The scan's borders as edges, each with the direction along it and the one out of the surface.
+struct Borders {
+    edges: Vec<(DVec3, DVec3)>,
+    outward: Vec<DVec3>,
+}
+
+impl Borders {
+    fn of(scan: &Surface) -> Borders {
+        let positions_m = scan.positions_m();
+        let (mut edges, mut outward) = (Vec::new(), Vec::new());
+        for [a, b] in border_edges(scan.triangles()) {
+            let (from, to) = (positions_m[a as usize], positions_m[b as usize]);
+            let normal = scan.normals()[a as usize] + scan.normals()[b as usize];
+            edges.push((from, to));
+            outward.push((to - from).cross(normal).normalize_or_zero());
+        }
+        Borders { edges, outward }
+    }
+
+    /// The nearest border of the same kind.
+    fn nearest(&self, from_m: DVec3, within_m: f64, along: DVec3, outward: DVec3) -> Option<(DVec3, f64)> {
+        let mut best = None;
+        let mut least = within_m;
+        for (&(a, b), &out) in self.edges.iter().zip(&self.outward) {
+            let edge = b - a;
+            let length = edge.length_squared();
+            if length == 0.0 || out.dot(outward) < OUTWARD || edge.dot(along).abs() < ALONG * length.sqrt() {
+                continue;
+            }
+            let place = a + edge * ((from_m - a).dot(edge) / length).clamp(0.0, 1.0);
+            let distance = place.distance(from_m);
+            if distance < least {
+                (best, least) = (Some((place, distance)), distance);
+            }
+        }
+        best
+    }
+}
+
+/// What pulls at each vertex that is seen.
+fn pulls(
+    places: &[DVec3],
+    triangles: &[[u32; 3]],
+    seen: &[bool],
+    scan: &Surface,
+    borders: &Borders,
+    own_borders: &[[u32; 2]],
+    reach: Reach,
+) -> Vec<Option<Pull>> {
+    let normals = smooth_normals(places, triangles);
+    let mut along = vec![DVec3::ZERO; places.len()];
+    for &[a, b] in own_borders {
+        let edge = (places[b as usize] - places[a as usize]).normalize_or_zero();
+        along[a as usize] += edge;
+        along[b as usize] += edge;
+    }
+    // Trust fades with distance (Geman and McClure).
+    let trust = |distance_m: f64, within_m: f64| {
+        let away = distance_m / (0.5 * within_m);
+        1.0 / ((1.0 + away * away) * (1.0 + away * away))
+    };
+    let pull = |v: usize| {
+        let (place, normal) = (places[v], normals[v]);
+        if !seen[v] {
+            return None;
+        }
+        let direction = along[v].normalize_or_zero();
+        if direction != DVec3::ZERO {
+            let outward = direction.cross(normal).normalize_or_zero();
+            if let Some((to_m, distance)) = borders.nearest(place, reach.border_m, direction, outward) {
+                let weight = BORDER * trust(distance, reach.border_m);
+                return Some(Pull { to_m, weight, direction, shares: [SLIDE, 1.0] });
+            }
+        }
+        let hit = scan.nearest(place, reach.surface_m, |other| other.dot(normal) > SAME_WAY)?;
+        let weight = trust(hit.distance_m, reach.surface_m);
+        (!hit.on_border).then_some(Pull { to_m: hit.place_m, weight, direction: hit.normal, shares: [1.0, SLIDE] })
+    };
+    (0..places.len()).into_par_iter().map(pull).collect()
+}

@@ -1,0 +1,145 @@
+//! From a scan to a target: the base's own mesh is laid onto a scanned surface, so that every vertex stays the same point of cloth.
+//!
+//! First the scan is moved rigidly ([`align`]), then the base is deformed: nearest places that face the same way pull at what a scanner can
+//! see ([`visible`]), borders pull at borders, what lies hidden goes with what lies over it, and the base's own curvature holds all
+//! together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of Sorkine's Laplacian
+//! coordinates, turned along locally). Knows no file and no garment.
+
+mod align;
+mod deform;
+mod rotation;
+mod surface;
+mod visible;
+
+use super::StageError;
+use glam::DVec3;
+pub use rotation::Rigid;
+use surface::Surface;
+
+/// A scan, ready to be registered: cleaned, metres, Y up.
+#[derive(Clone, Debug, Default)]
+pub struct Scan {
+    /// Metres.
+    pub positions_m: Vec<DVec3>,
+    /// Facing outwards, or all of them inwards.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether +Z is known to be the front, so that other directions need not be tried.
+    pub knows_front: bool,
+    /// Places of the base with their places in the scan, metres: three or more replace the search for a start.
+    pub landmarks: Vec<(DVec3, DVec3)>,
+}
+
+/// How stiffly the base is laid on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The stiffness of the first round: how much more a bend counts than a distance.
+    pub stiff_first: f64,
+    /// That of the last round.
+    pub stiff_last: f64,
+    /// How many rounds.
+    pub rounds: usize,
+    /// Solutions of each round.
+    pub steps: usize,
+    /// How far places are looked for in the first round, metres.
+    pub within_first_m: f64,
+    /// How far borders look for borders in the first round, metres: a hem lies elsewhere on a wearer of another height.
+    pub border_first_m: f64,
+    /// How far all look in the last round.
+    pub within_last_m: f64,
+    /// How much stretch counts beside bend.
+    pub stretch: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            stiff_first: 3e4,
+            stiff_last: 1.0,
+            rounds: 12,
+            steps: 4,
+            within_first_m: 0.08,
+            border_first_m: 0.3,
+            within_last_m: 0.015,
+            stretch: 1e-3,
+        }
+    }
+}
+
+/// The base as the scan wears it.
+#[derive(Clone, Debug)]
+pub struct Registered {
+    /// The base's vertices, metres, where the base stands.
+    pub positions_m: Vec<DVec3>,
+    /// How much each vertex was seen in the scan, 0 to 1; what was not goes with its surroundings.
+    pub confidence: Vec<f64>,
+    /// Where the scan was taken to.
+    pub base_from_scan: Rigid,
+    /// Mean distance of the base from the scan after the rigid motion alone, metres.
+    pub aligned_m: f64,
+    /// Triangles turned by more than 90 degrees against their surroundings' turn.
+    pub turned_over: Vec<u32>,
+    /// From each vertex that is seen to the scan, metres: nearest places that face the same way, at most 10 cm.
+    pub to_scan_m: Vec<f64>,
+    /// From each vertex of the scan to the base, metres, at most 10 cm.
+    pub from_scan_m: Vec<f64>,
+}
+
+/// Lays the base (metres, its triangles facing outwards) onto a scan.
+///
+/// # Errors
+/// When base or scan have no surface, the scan is nowhere near the base's shape, or the equations cannot be solved.
+pub fn register(
+    base_m: &[DVec3],
+    triangles: &[[u32; 3]],
+    scan: &Scan,
+    settings: &Settings,
+) -> Result<Registered, StageError> {
+    /// Farther is as far as this, metres.
+    const FAR_M: f64 = 0.1;
+    /// A scan that after its rigid motion lies farther from the base than this on average is another thing, metres.
+    const OTHER_M: f64 = 0.06;
+    let fault = |reason: String| StageError::new("register", reason);
+    if triangles.is_empty() || scan.triangles.is_empty() {
+        return Err(fault("a scan is registered by its surface, and there is none".to_owned()));
+    }
+    let mut surface = Surface::new(scan.positions_m.clone(), scan.triangles.clone());
+    let seen = visible::seen(base_m, triangles);
+    let normals = surface::smooth_normals(base_m, triangles);
+    let (mut motion, mut aligned_m) =
+        align::align(base_m, &normals, &seen, &surface, &scan.landmarks, scan.knows_front);
+    // A scan whose triangles all face inwards fits better turned over.
+    surface.turn_over();
+    let (other, other_m) = align::align(base_m, &normals, &seen, &surface, &scan.landmarks, scan.knows_front);
+    if other_m < aligned_m {
+        (motion, aligned_m) = (other, other_m);
+    } else {
+        surface.turn_over();
+    }
+    if aligned_m > OTHER_M {
+        return Err(fault(format!(
+            "the scan does not look like the base: laid onto each other they lie {:.0} mm apart on average; are unit, up and front right, and is \
+             it the same kimono in the same pose? Three landmarks tell where it stands",
+            1000.0 * aligned_m
+        )));
+    }
+    let surface = surface.moved(|p| motion.place(p), |n| motion.rotation * n);
+    let laid = deform::deform(base_m, triangles, &seen, &surface, settings)?;
+    let laid_normals = surface::smooth_normals(&laid.positions_m, triangles);
+    let to_scan_m = (0..base_m.len()).filter(|&v| seen[v]).map(|v| {
+        let hit = surface.nearest(laid.positions_m[v], FAR_M, |n| n.dot(laid_normals[v]) > 0.5);
+        hit.map_or(FAR_M, |hit| hit.distance_m)
+    });
+    let to_scan_m = to_scan_m.collect();
+    let whole = Surface::new(laid.positions_m.clone(), triangles.to_vec());
+    let from_scan_m =
+        surface.positions_m().iter().map(|&p| whole.nearest(p, FAR_M, |_| true).map_or(FAR_M, |hit| hit.distance_m));
+    Ok(Registered {
+        from_scan_m: from_scan_m.collect(),
+        to_scan_m,
+        turned_over: laid.turned_over,
+        confidence: laid.confidence,
+        positions_m: laid.positions_m,
+        base_from_scan: motion,
+        aligned_m,
+    })
+}

@@ -1,0 +1,157 @@
+//! `cargo xtask register ID SCAN`: a scan as a target shape, in the base's own topology, and how near it comes.
+
+use crate::places::{Places, ended, say, write_whole};
+use crate::scans::ScanArgs;
+use glam::{DVec3, Vec3};
+use kitsuke_pipeline::ir;
+use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
+use kitsuke_pipeline::source::import;
+use kitsuke_pipeline::stages::register::{Registered, Rigid, Scan, Settings, register};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Lay a kimono's base onto a scan: the same vertices in the scan's shape, a target
+///
+/// The scan is cleaned first (see `clean`), then moved rigidly, then the base is deformed onto it. Prints how far both lie apart; with
+/// --truth, how far from the right shape. Writes OBJ in metres with the base's vertices in their order.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A kimono's ID
+    id: String,
+    #[command(flatten)]
+    scan: ScanArgs,
+    /// The registered shape
+    #[arg(long, value_name = "FILE.obj")]
+    out: PathBuf,
+    /// Pictures of the scan and of the registered shape, coloured by how far it lies from the scan
+    #[arg(long, value_name = "FILE.png")]
+    picture: Option<PathBuf>,
+    /// The right shape, vertex by vertex, in metres: an OBJ to compare with after the best rigid motion
+    #[arg(long, value_name = "FILE.obj")]
+    truth: Option<PathBuf>,
+    #[command(flatten)]
+    places: Places,
+}
+
+/// Registers; 1 when something cannot be read, cleaned or laid on.
+pub fn run(args: Args) -> ExitCode {
+    ended(registered(&args))
+}
+
+fn registered(args: &Args) -> Result<(), String> {
+    let garment =
+        args.places.source(&args.id).ok_or_else(|| format!("{} has mistakes: cargo xtask check {0}", args.id))?;
+    let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
+    let triangles = &garment.base.triangles;
+    let scan = args.scan.read()?;
+    let cleaned = args.scan.clean(&scan)?;
+    let scan = Scan {
+        positions_m: cleaned.positions_m.clone(),
+        triangles: cleaned.triangles.clone(),
+        knows_front: scan.knows_front,
+        landmarks: Vec::new(),
+    };
+    let started = Instant::now();
+    let laid = register(&base_m, triangles, &scan, &Settings::default()).map_err(|error| error.to_string())?;
+    say!("{}", table(&laid, triangles.len(), started.elapsed().as_secs_f64()));
+    if let Some(truth) = &args.truth {
+        say!("{}", against(&laid.positions_m, &base_m, triangles, &read_truth(truth, base_m.len())?));
+    }
+    write_whole(&args.out, |out| {
+        laid.positions_m.iter().try_for_each(|p| writeln!(out, "v {:.6} {:.6} {:.6}", p.x, p.y, p.z))?;
+        triangles.iter().try_for_each(|[a, b, c]| writeln!(out, "f {} {} {}", a + 1, b + 1, c + 1))
+    })?;
+    if let Some(path) = &args.picture {
+        let png = picture(&garment, &laid, &scan)?;
+        write_whole(path, |out| out.write_all(&png))?;
+    }
+    Ok(())
+}
+
+/// Mean, median, 80 %, 95 % and largest, millimetres.
+fn spread(distances_m: &[f64]) -> String {
+    let mut sorted = distances_m.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at =
+        |share: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * share).round() as usize).map_or(0.0, |d| d * 1e3);
+    let mean = sorted.iter().sum::<f64>() / sorted.len().max(1) as f64 * 1e3;
+    format!("{mean:>8.2}{:>8.2}{:>8.2}{:>8.2}{:>8.2}", at(0.5), at(0.8), at(0.95), at(1.0))
+}
+
+fn table(laid: &Registered, triangles: usize, seconds: f64) -> String {
+    let seen = laid.confidence.iter().filter(|c| **c > 0.5).count();
+    format!(
+        "mm                      mean  median    80 %    95 %     max\nbase to scan        {}\nscan to base        {}\n\
+         {} of {} vertices were seen in the scan, {} of {triangles} triangles are turned over; {seconds:.1} s; rigidly {:.1} mm\n",
+        spread(&laid.to_scan_m),
+        spread(&laid.from_scan_m),
+        seen,
+        laid.confidence.len(),
+        laid.turned_over.len(),
+        laid.aligned_m * 1e3
+    )
+}
+
+fn read_truth(path: &Path, count: usize) -> Result<Vec<DVec3>, String> {
+    let mesh = import::read(&path.to_string_lossy(), path, &mut Vec::new()).map_err(|error| error.to_string())?;
+    let mesh = mesh.ok_or_else(|| format!("{} cannot be read", path.display()))?;
+    if mesh.positions.len() != count {
+        return Err(format!("{} has {} vertices, the base {count}", path.display(), mesh.positions.len()));
+    }
+    Ok(mesh.positions)
+}
+
+fn against(laid: &[DVec3], base: &[DVec3], triangles: &[[u32; 3]], truth: &[DVec3]) -> String {
+    let weights = vec![1.0; laid.len()];
+    let moved = |from: &[DVec3]| -> Vec<DVec3> {
+        let motion = Rigid::between(from, truth, &weights);
+        from.iter().map(|&p| motion.place(p)).collect()
+    };
+    let (laid, base) = (moved(laid), moved(base));
+    let normal = |places: &[DVec3], t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| places[v as usize]);
+        (b - a).cross(c - a)
+    };
+    let turned =
+        |t: &&[u32; 3]| normal(&laid, t).dot(normal(&base, t)) < 0.0 && normal(truth, t).dot(normal(&base, t)) >= 0.0;
+    let turned = triangles.iter().filter(turned).count();
+    let away = |places: &[DVec3]| -> Vec<f64> { places.iter().zip(truth).map(|(a, b)| a.distance(*b)).collect() };
+    format!(
+        "from the right shape{}\nthe base would be   {}\n{turned} triangles are turned against the base and are not in the right shape",
+        spread(&away(&laid)),
+        spread(&away(&base))
+    )
+}
+
+/// The scan and the registered shape from the front and behind.
+fn picture(garment: &ir::Garment, laid: &Registered, scan: &Scan) -> Result<Vec<u8>, String> {
+    const FULL_M: f32 = 0.01;
+    let scan_m: Vec<Vec3> = scan.positions_m.iter().map(|&p| laid.base_from_scan.place(p).as_vec3()).collect();
+    let laid_m: Vec<Vec3> = laid.positions_m.iter().map(|p| p.as_vec3()).collect();
+    let heat = |distance_m: f64| {
+        let t = (distance_m as f32 / FULL_M).min(1.0);
+        [(70.0 + 170.0 * t) as u8, (130.0 - 70.0 * t) as u8, (200.0 - 160.0 * t) as u8]
+    };
+    let from_scan: Vec<[u8; 3]> = laid.from_scan_m.iter().map(|&d| heat(d)).collect();
+    let confidence: Vec<[u8; 3]> = laid.confidence.iter().map(|&c| heat(f64::from(FULL_M) * (1.0 - c))).collect();
+    let mut cells = Vec::new();
+    for (name, side) in [("front", 1.0), ("behind", -1.0)] {
+        let camera = Camera {
+            eye_m: Vec3::new(0.0, 0.85, 4.0 * side),
+            target_m: Vec3::new(0.0, 0.85, 0.0),
+            lens: Lens::Orthographic { height_m: 1.7 },
+        };
+        let mut draw = |caption: &str, positions_m: &[Vec3], triangles: &[[u32; 3]], paint: Paint<'_>| {
+            let normals = smooth_normals(positions_m, triangles);
+            let shape = Shape { positions_m, normals: &normals, triangles, paint, inside: Some([120, 110, 100]) };
+            let picture = render(&[shape], &camera, [640, 640], [244, 243, 240]);
+            cells.push(Cell { caption: format!("{caption}, {name}"), picture });
+        };
+        draw("scan, red 10 mm from the base", &scan_m, &scan.triangles, Paint::PerVertex(&from_scan));
+        draw("registered, red not seen", &laid_m, &garment.base.triangles, Paint::PerVertex(&confidence));
+        draw("registered", &laid_m, &garment.base.triangles, Paint::Plain([96, 110, 150]));
+    }
+    png_bytes(&contact_sheet(&cells, 3)).map_err(|error| error.to_string())
+}

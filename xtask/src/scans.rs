@@ -1,0 +1,114 @@
+//! Scans as the verbs get them: a file of any kind we read, its unit and axes as the file or the command line says, metres out.
+
+use crate::places::say;
+use glam::DVec3;
+use kitsuke_pipeline::diagnostic::{self, Format, Severity};
+use kitsuke_pipeline::meshlab::{self, Cleaned, Settings, environment};
+use kitsuke_pipeline::source::import::{self, ImportedMesh};
+use kitsuke_pipeline::source::units::LengthUnit;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A scan and how it is read and cleaned, as options of a verb.
+#[derive(clap::Args)]
+pub struct ScanArgs {
+    /// The scan (OBJ, PLY, GLB, glTF, FBX)
+    pub file: PathBuf,
+    /// The file's unit, where the file does not say it
+    #[arg(long, value_parser = unit)]
+    unit: Option<LengthUnit>,
+    /// The file's axis that points up: x, -x, y, -y, z or -z
+    #[arg(long, value_parser = axis, allow_hyphen_values = true)]
+    up: Option<DVec3>,
+    /// The file's axis that points to the wearer's front
+    #[arg(long, value_parser = axis, allow_hyphen_values = true)]
+    front: Option<DVec3>,
+    /// Vertices nearer to each other than this become one, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.01)]
+    merge_mm: f64,
+    /// Pieces with a smaller share of the whole area are removed, percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.5)]
+    least_percent: f64,
+    /// Pieces with fewer triangles are removed
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    least_triangles: u32,
+    /// Borders up to this length are listed as holes, longer ones as openings, mm
+    #[arg(long, value_name = "MM", default_value_t = 300.0)]
+    hole_mm: f64,
+    /// How long cleaning may take, seconds
+    #[arg(long, value_name = "S", default_value_t = 120)]
+    limit: u64,
+    /// Where pymeshlab is installed
+    #[arg(long, value_name = "DIR", default_value_os_t = crate::places::in_workspace("target/kitsuke-cache"))]
+    cache: PathBuf,
+}
+
+/// A scan that was read.
+pub struct Scan {
+    /// As in the file.
+    pub mesh: ImportedMesh,
+    /// Its positions in metres, Y up, front +Z.
+    pub positions_m: Vec<DVec3>,
+    /// Whether the front is known.
+    pub knows_front: bool,
+}
+
+impl ScanArgs {
+    /// Reads the file; what is wrong with it is printed or the error.
+    pub fn read(&self) -> Result<Scan, String> {
+        let mesh = imported(&self.file)?;
+        let file = self.file.display();
+        let unit_m = self.unit.map(LengthUnit::metres).or(mesh.unit_m);
+        let unit_m = unit_m.ok_or_else(|| format!("{file} does not say its unit: give it, for example --unit mm"))?;
+        let up = self.up.or(mesh.axes.map(|axes| axes.up)).unwrap_or(DVec3::Y);
+        let said = self.front.or(mesh.axes.map(|axes| axes.front));
+        let front = said.unwrap_or(if up == DVec3::Z { DVec3::NEG_Y } else { DVec3::Z });
+        if up.dot(front) != 0.0 {
+            return Err("up and front must be different axes".to_owned());
+        }
+        let left = up.cross(front);
+        let place_m = |p: &DVec3| DVec3::new(p.dot(left), p.dot(up), p.dot(front)) * unit_m;
+        let positions_m = mesh.positions.iter().map(place_m).collect();
+        Ok(Scan { mesh, positions_m, knows_front: said.is_some() })
+    }
+
+    /// Cleans it with pymeshlab.
+    pub fn clean(&self, scan: &Scan) -> Result<Cleaned, String> {
+        let python = environment::python(&self.cache, &|line| say!("{line}")).map_err(|error| error.to_string())?;
+        let settings = Settings {
+            merge_m: self.merge_mm * 1e-3,
+            least_share: self.least_percent * 1e-2,
+            least_triangles: self.least_triangles,
+            hole_m: self.hole_mm * 1e-3,
+            limit: Duration::from_secs(self.limit),
+        };
+        meshlab::clean(&python, &scan.positions_m, &scan.mesh.triangles, &settings).map_err(|error| error.to_string())
+    }
+}
+
+fn unit(text: &str) -> Result<LengthUnit, String> {
+    let known = LengthUnit::ALL.into_iter().find(|unit| unit.name() == text);
+    known.ok_or_else(|| format!("a unit is one of {}", LengthUnit::ALL.map(LengthUnit::name).join(", ")))
+}
+
+fn axis(text: &str) -> Result<DVec3, String> {
+    let (sign, name) = text.strip_prefix('-').map_or((1.0, text.trim_start_matches('+')), |name| (-1.0, name));
+    let axis = match name {
+        "x" | "X" => DVec3::X,
+        "y" | "Y" => DVec3::Y,
+        "z" | "Z" => DVec3::Z,
+        _ => return Err("an axis is x, -x, y, -y, z or -z".to_owned()),
+    };
+    Ok(sign * axis)
+}
+
+fn imported(path: &Path) -> Result<ImportedMesh, String> {
+    let mut report = Vec::new();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mesh = import::read(&name, path, &mut report);
+    let mesh = mesh.map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    let has_errors = report.iter().any(|diagnostic| diagnostic.severity == Severity::Error);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    eprint!("{}", diagnostic::render(&diagnostic::sorted(report), folder, Format::Human { color: false }));
+    mesh.filter(|_| !has_errors).ok_or_else(|| format!("{} cannot be read", path.display()))
+}
