@@ -1,7 +1,7 @@
 //! From a scan to a target: the base's own mesh is laid onto a scanned surface, so that every vertex stays the same point of cloth.
 //!
-//! First the scan is moved rigidly ([`align`]), then the base is deformed: nearest places that face the same way pull at what a scanner can
-//! see ([`visible`]), borders pull at borders, what lies hidden goes with what lies over it, and the base's own curvature holds all
+//! First the scan is moved rigidly (`align`), then the base is deformed: nearest places that face the same way pull at what a scanner can
+//! see (`visible`), borders pull at borders, what lies hidden goes with what lies over it, and the base's own curvature holds all
 //! together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of Sorkine's Laplacian
 //! coordinates, turned along locally). Knows no file and no garment.
 
