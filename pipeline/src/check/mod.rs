@@ -1,6 +1,7 @@
 //! Source → Ir: units become metres and radians, names become numbers, and every mistake of the artist is reported, all
 //! in one run. Knows what garments are like, and no file format.
 
+pub mod correspondence;
 mod crushed;
 mod drivers;
 mod exchange;
@@ -14,6 +15,7 @@ mod placement;
 mod pose_fit;
 mod pose_words;
 mod poses;
+mod recovery;
 mod regions;
 mod sides;
 mod signature;
@@ -29,6 +31,7 @@ use crate::source::folder::Folder;
 use crate::source::manifest::{self, Field, Manifest, Up};
 use crate::source::obj;
 use crate::source::paths::Paths;
+use crate::source::sizes::SizeTable;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
 use crate::source::{is_garment_id, rules};
@@ -38,7 +41,7 @@ use kitsuke::accessories::limits::TEXTURE_BYTES;
 use kitsuke::arrays::limits;
 use kitsuke::fit;
 use kitsuke::tailoring::RuleSet;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The budget where the manifest gives none.
 const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
@@ -55,7 +58,7 @@ struct NamedMesh<'a> {
 /// Turns what was read into a garment, or reports why that cannot be. What was absent in `source` is taken as
 /// reported already.
 pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment> {
-    let Source { folder, manifest, poses, sizes, meshes, masks, body, paths, rules, texture_png } = source;
+    let Source { folder, manifest, poses, sizes, mut meshes, masks, body, paths, rules, texture_png } = source;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     check_id(&folder, report);
     let budget_m = check_budget(&manifest, &manifest_file, report);
@@ -63,6 +66,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         check_limit(budget, &manifest_file, report);
     }
     check_name(&manifest, &manifest_file, report);
+    let lost = recover_orders(&folder, &manifest, (poses.as_ref(), sizes.as_ref()), &mut meshes, report);
     let mesh_of = |written: &str| {
         let (file, mesh) = meshes.get_key_value(&folder.name_of(written).ok()?)?;
         Some(NamedMesh { file, mesh })
@@ -120,7 +124,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     let worn = worn.filter(|(mesh, obi)| placement::check_obi(*mesh, obi, &base, report)).map(|(_, obi)| obi);
 
     let mut targets = Vec::new();
-    let reference = target::Reference::new(base_mesh, &base, worn);
+    let reference = target::Reference::new(base_mesh, &base, worn, &lost);
     let mut written = Vec::new();
     let rows =
         poses.iter().flat_map(|(table, _)| table.rows.iter().zip(poses::untwisted(table)).zip(table.poses()).skip(1));
@@ -224,6 +228,24 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         unseen_budget_m: metres(&manifest.unseen_budget),
         inside_budget_m: metres(&manifest.inside_budget),
     })
+}
+
+/// Puts targets and sizes in the order of the base, where they stand in another; gives why that cannot be, by file.
+fn recover_orders(
+    folder: &Folder,
+    manifest: &Manifest,
+    (poses, sizes): (Option<&PoseTable>, Option<&SizeTable>),
+    meshes: &mut BTreeMap<String, obj::Mesh>,
+    report: &mut Vec<Diagnostic>,
+) -> BTreeMap<String, correspondence::Lost> {
+    let name = |written: &String| folder.name_of(written).ok();
+    let Some(base_file) = value(&manifest.base).and_then(name) else { return BTreeMap::new() };
+    let obi_file = value(&manifest.obi).and_then(name);
+    let targets = poses.into_iter().flat_map(|table| table.rows.iter().skip(1).map(|row| &row.file));
+    let shapes = sizes.into_iter().flat_map(|table| table.rows.iter().skip(1).map(|row| &row.file));
+    let files: BTreeSet<String> =
+        targets.chain(shapes).filter_map(name).filter(|file| Some(file) != obi_file.as_ref()).collect();
+    recovery::recover(&base_file, &files.into_iter().collect::<Vec<_>>(), meshes, report)
 }
 
 /// The last part of a path of the manifest.

@@ -1,13 +1,14 @@
 //! Whether a shape is the base in another pose or size: the same vertices in the same order, unit and axes. The
 //! geometric tests rest on two facts: cloth hardly stretches, and most of a kimono stays where it is when the arms move.
 
-use super::{NamedMesh, crushed, exchange, grouped, signature};
+use super::correspondence::{Lost, sorted_cycles};
+use super::{NamedMesh, crushed, exchange, grouped, recovery, signature};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::ir;
 use crate::source::folder::Folder;
 use crate::source::obj;
 use glam::{DVec3, Vec3};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Median edge ratio beyond which the unit of a size is wrong.
 const UNIT_RATIO: f32 = 2.5;
@@ -48,10 +49,17 @@ pub(super) struct Reference<'a> {
     /// How many vertices the base would have with its texture seams open.
     open_count: usize,
     distinct_count: usize,
+    /// Why the order of a file could not be recovered.
+    lost: &'a BTreeMap<String, Lost>,
 }
 
 impl<'a> Reference<'a> {
-    pub(super) fn new(base: NamedMesh<'a>, surface: &'a ir::Surface, obi: Option<&ir::Surface>) -> Reference<'a> {
+    pub(super) fn new(
+        base: NamedMesh<'a>,
+        surface: &'a ir::Surface,
+        obi: Option<&ir::Surface>,
+        lost: &'a BTreeMap<String, Lost>,
+    ) -> Reference<'a> {
         let positions_m = &surface.positions_m;
         let (low, high) = bounds(positions_m);
         let all = 0..positions_m.len() as u32;
@@ -82,6 +90,7 @@ impl<'a> Reference<'a> {
             cycles: sorted_cycles(base.mesh, false),
             open_count: corners.len(),
             distinct_count: distinct(positions_m),
+            lost,
         }
     }
 }
@@ -111,7 +120,7 @@ pub(super) fn check_size(
 
 /// Why the vertices are not those of the base; its edges may be `scale` times as long.
 fn other_cloth(base: &Reference<'_>, target: NamedMesh<'_>, positions_m: &[Vec3], scale: f32) -> Option<Mistake> {
-    let by_program = |mistake| named_program(mistake, base, target.mesh);
+    let by_program = |mistake| with_loss(named_program(mistake, base, target.mesh), base.lost.get(target.file));
     differing_count(base, target.mesh, positions_m)
         .map(by_program)
         .or_else(|| no_cloth(base, positions_m))
@@ -138,8 +147,8 @@ pub(super) fn check_base_alone(
     {
         return false;
     }
-    let surface = super::surface(first.mesh, place);
-    let usual = Reference::new(NamedMesh { file: "every other shape", mesh: first.mesh }, &surface, None);
+    let (surface, lost) = (super::surface(first.mesh, place), BTreeMap::new());
+    let usual = Reference::new(NamedMesh { file: "every other shape", mesh: first.mesh }, &surface, None, &lost);
     let base_m: Vec<Vec3> = base.mesh.positions.iter().map(place).collect();
     let found = differing_count(&usual, base.mesh, &base_m).or_else(|| differing_faces(&usual, base.mesh));
     let found = found.map(|mistake| named_program(mistake, &usual, base.mesh));
@@ -195,6 +204,17 @@ struct Mistake {
 
 fn mistake(code: &'static str, problem: String, help: &str) -> Option<Mistake> {
     Some(Mistake { code, place: Place::File, problem, help: help.to_owned() })
+}
+
+/// With the reason why the order could not be recovered, where it says more than the mistake.
+fn with_loss(mistake: Mistake, lost: Option<&Lost>) -> Mistake {
+    let is_of_order = matches!(mistake.code, "vertex-count" | "unwelded" | "faces");
+    match lost.filter(|_| is_of_order).and_then(recovery::explained) {
+        Some((said, help)) => {
+            Mistake { problem: format!("{}; {said}", mistake.problem), help: help.to_owned(), ..mistake }
+        }
+        None => mistake,
+    }
 }
 
 /// With the program whose habits explain the mistake, where one does.
@@ -505,22 +525,6 @@ fn edge_ratios<'a>(
         (at_rest > 0.0).then(|| (edge, length(positions_m, edge) / at_rest))
     };
     base.edges.iter().filter_map(with_ratio)
-}
-
-/// The faces as cycles from their least vertex, sorted; reversed ones when `turned_over`.
-fn sorted_cycles(mesh: &obj::Mesh, turned_over: bool) -> Vec<Vec<u32>> {
-    let cycle = |face: &obj::Face| {
-        let mut cycle: Vec<u32> = mesh.corners_of(face).iter().map(|corner| corner.vertex).collect();
-        if turned_over {
-            cycle.reverse();
-        }
-        let least = (0..cycle.len()).min_by_key(|&i| cycle[i]).unwrap_or(0);
-        cycle.rotate_left(least);
-        cycle
-    };
-    let mut cycles: Vec<Vec<u32>> = mesh.faces.iter().map(cycle).collect();
-    cycles.sort_unstable();
-    cycles
 }
 
 /// How many different places there are.
