@@ -10,6 +10,7 @@ mod doors;
 mod doors_csharp;
 mod doors_view;
 mod doors_web;
+mod exports;
 mod fit;
 mod fit_data;
 mod frame;

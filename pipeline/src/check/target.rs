@@ -76,7 +76,7 @@ impl<'a> Reference<'a> {
         let mut corners = base.mesh.corners.clone();
         corners.sort_unstable();
         corners.dedup();
-        let edges = super::mesh::edges(&surface.triangles);
+        let edges = sides(base.mesh);
         Reference {
             neighbours: exchange::neighbours(positions_m.len(), &edges),
             file: base.file,
@@ -525,6 +525,20 @@ fn edge_ratios<'a>(
         (at_rest > 0.0).then(|| (edge, length(positions_m, edge) / at_rest))
     };
     base.edges.iter().filter_map(with_ratio)
+}
+
+/// The sides of all polygons, lesser vertex first, sorted, each once. Diagonals are none: a quad's was chosen by its shape in the base, and
+/// one that is crumpled there opens to many times its length elsewhere, though no thread stretches.
+fn sides(mesh: &obj::Mesh) -> Vec<[u32; 2]> {
+    let of_face = |face: &obj::Face| {
+        let corners = mesh.corners_of(face);
+        let next = corners.iter().cycle().skip(1);
+        corners.iter().zip(next).map(|(a, b)| [a.vertex.min(b.vertex), a.vertex.max(b.vertex)]).collect::<Vec<_>>()
+    };
+    let mut sides: Vec<[u32; 2]> = mesh.faces.iter().flat_map(of_face).collect();
+    sides.sort_unstable();
+    sides.dedup();
+    sides
 }
 
 /// How many different places there are.
