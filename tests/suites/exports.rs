@@ -38,6 +38,8 @@ struct Point {
     name: (u32, u32),
     place: DVec3,
     uv: [f32; 2],
+    /// The number of its texture coordinate in the base.
+    uv_number: u32,
 }
 
 impl Cloth {
@@ -48,6 +50,7 @@ impl Cloth {
                 name: (corner.vertex, 0),
                 place: pose.positions[corner.vertex as usize],
                 uv: base.uv[corner.uv.unwrap() as usize].to_array(),
+                uv_number: corner.uv.unwrap(),
             };
             (face.part as usize, base.corners_of(face).iter().map(point).collect())
         };
@@ -62,7 +65,7 @@ impl Cloth {
     }
 
     fn unwelded(self) -> Cloth {
-        self.map(|part, corner| corner.name.1 = part as u32)
+        self.map(|_, corner| corner.name.1 = corner.uv_number)
     }
 
     /// The pieces, and so their faces, in reverse order.
@@ -179,7 +182,6 @@ fn assert_found(what: &str, found: &Recovered, base_vertex: &[u32], pose: &Mesh,
     for (own, wanted) in found.mesh.positions.iter().zip(&pose.positions) {
         assert!(own.distance(*wanted * scale) <= tolerance, "{what}: {own} and {wanted}");
     }
-    assert_eq!(found.mesh.faces.len(), found.mesh.faces.len(), "{what}");
 }
 
 #[test]

@@ -94,7 +94,11 @@ pub(super) fn sorted_cycles(mesh: &Mesh, turned_over: bool) -> Vec<Vec<u32>> {
 /// Why that cannot be done: nothing tells the vertices, or it is not the same cloth.
 pub fn recover(base: &Mesh, other: &Mesh) -> Result<Recovered, Lost> {
     // What is missing or subdivided can be no other order.
-    if base.faces.is_empty() || triangle_count(base) != triangle_count(other) {
+    if base.faces.is_empty()
+        || triangle_count(base) != triangle_count(other)
+        || has_loose_vertices(base)
+        || has_loose_vertices(other)
+    {
         return Err(Lost::OtherFaces);
     }
     let mut lost = None;
@@ -127,6 +131,12 @@ pub fn recover(base: &Mesh, other: &Mesh) -> Result<Recovered, Lost> {
 
 fn triangle_count(mesh: &Mesh) -> usize {
     mesh.faces.iter().map(|face| face.corner_count as usize - 2).sum()
+}
+
+fn has_loose_vertices(mesh: &Mesh) -> bool {
+    let mut is_used = vec![false; mesh.positions.len()];
+    mesh.corners.iter().for_each(|corner| is_used[corner.vertex as usize] = true);
+    is_used.contains(&false)
 }
 
 /// A guess: the base's corner (vertex and texture coordinate) of each corner of the other.

@@ -22,7 +22,8 @@ pub(super) fn prove(base: &Mesh, other: &Mesh, guess: &Guess, by_lengths: bool) 
         .map(|corners| corners.iter().map(|corner| corner.vertex).collect())
         .collect();
     let (edges, other_edges) = (edges(&of_base), edges(&of_other));
-    let shared: Vec<[u32; 2]> = edges.iter().copied().filter(|edge| other_edges.binary_search(edge).is_ok()).collect();
+    let is_shared = |edge: &&([u32; 2], usize)| other_edges.binary_search(edge).is_ok();
+    let shared: Vec<[u32; 2]> = edges.iter().filter(is_shared).map(|(edge, _)| *edge).collect();
     if patches(&of_base, &shared) != patches(&of_other, &shared) {
         return Err(Lost::OtherFaces);
     }
@@ -41,6 +42,9 @@ pub(super) fn prove(base: &Mesh, other: &Mesh, guess: &Guess, by_lengths: bool) 
     if vertex_of.contains(&u32::MAX) {
         return Err(Lost::OtherFaces);
     }
+    // In the order of the faces each face is one of the base's, whatever its vertices are.
+    let said = |merged| if by_lengths { Lost::OtherFaces } else { merged };
+    not_merged(base, copies.clone()).map_err(said)?;
     if by_lengths {
         let length = |places: &dyn Fn(u32) -> DVec3, [a, b]: [u32; 2]| places(a).distance(places(b));
         let at_rest = |edge| length(&|v| base.positions[v as usize], edge);
@@ -55,7 +59,6 @@ pub(super) fn prove(base: &Mesh, other: &Mesh, guess: &Guess, by_lengths: bool) 
         }
     }
     one_place(other, &copies, &vertex_of)?;
-    not_merged(base, copies)?;
     Ok(vertex_of)
 }
 
@@ -96,11 +99,11 @@ fn sides(face: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
     (0..face.len()).map(|i| [face[i], face[(i + 1) % face.len()]])
 }
 
-fn edges(faces: &[Vec<u32>]) -> Vec<[u32; 2]> {
+/// All edges, sorted, each with how many sides of faces lie there: a quad's other diagonal may be an edge of faces beside it.
+fn edges(faces: &[Vec<u32>]) -> Vec<([u32; 2], usize)> {
     let mut edges: Vec<[u32; 2]> = faces.iter().flat_map(|face| sides(face)).map(|[a, b]| edge(a, b)).collect();
     edges.sort_unstable();
-    edges.dedup();
-    edges
+    edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect()
 }
 
 /// The surface cut along the edges that both meshes have: each patch by its sides, sorted. Faces that are cut alike are patches of their
