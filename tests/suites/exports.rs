@@ -5,7 +5,7 @@ use glam::DVec3;
 use kitsuke_pipeline::check::correspondence::{self, Evidence, Lost, Recovered};
 use kitsuke_pipeline::diagnostic::Severity;
 use kitsuke_pipeline::source::obj::{self, Mesh};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -103,10 +103,16 @@ impl Cloth {
         self
     }
 
-    /// Quads cut along their other diagonal.
+    /// Quads cut along their other diagonal, unless that is an edge of other faces.
     fn cut_otherwise(mut self) -> Cloth {
+        let edge = |a: &Point, b: &Point| (a.name.min(b.name), a.name.max(b.name));
+        let next = |corners: &[Point], i: usize| corners[(i + 1) % corners.len()];
+        let sides = self.faces.iter().flat_map(|(_, corners)| {
+            (0..corners.len()).map(move |i| edge(&corners[i], &next(corners, i))).collect::<Vec<_>>()
+        });
+        let mut edges: BTreeSet<_> = sides.collect();
         let cut = |(part, corners): (usize, Vec<Point>)| match corners[..] {
-            [a, b, c, d] => vec![(part, vec![b, c, d]), (part, vec![b, d, a])],
+            [a, b, c, d] if edges.insert(edge(&b, &d)) => vec![(part, vec![b, c, d]), (part, vec![b, d, a])],
             _ => vec![(part, corners)],
         };
         self.faces = self.faces.into_iter().flat_map(cut).collect();
