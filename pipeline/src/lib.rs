@@ -10,6 +10,7 @@ pub mod check;
 pub mod diagnostic;
 mod draft;
 pub mod ir;
+pub mod light;
 mod load;
 pub mod look;
 pub mod measure;

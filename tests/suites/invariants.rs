@@ -93,7 +93,7 @@ fn rooms_stand_on_the_floors_below_them() {
         &["pack"],
     ];
     let pipeline: &[&[&str]] = &[
-        &["diagnostic", "ir", "memo"],
+        &["diagnostic", "ir", "light", "memo"],
         &["source", "look", "stages"],
         &["check", "measure", "meshlab"],
         &["load", "build", "draft"],

@@ -15,6 +15,7 @@ pub mod npy;
 mod numbers;
 pub mod obj;
 pub mod paths;
+pub mod picture;
 pub(crate) mod polygon;
 pub mod pose_rows;
 pub mod rules;

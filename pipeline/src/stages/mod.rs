@@ -2,6 +2,7 @@
 //! settings stand beside their stage.
 
 pub mod accessories;
+pub mod bake;
 pub mod compress;
 pub mod correctives;
 pub mod deltas;

@@ -8,7 +8,7 @@
 mod align;
 mod deform;
 mod rotation;
-mod surface;
+pub(super) mod surface;
 mod visible;
 
 use super::StageError;

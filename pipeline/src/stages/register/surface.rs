@@ -10,7 +10,7 @@ use parry3d::query::PointQuery;
 const SMOOTHINGS: usize = 3;
 
 /// Triangles with smooth normals; see [`Surface::new`].
-pub(super) struct Surface {
+pub(crate) struct Surface {
     positions_m: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     normals: Vec<DVec3>,
@@ -21,7 +21,7 @@ pub(super) struct Surface {
 
 /// The place of a surface that is nearest to another place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
+pub(crate) struct Hit {
     pub place_m: DVec3,
     /// Unit, smooth.
     pub normal: DVec3,
@@ -146,7 +146,7 @@ fn nearest_shares(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> [f64; 3] {
 }
 
 /// Unit normals, weighted by area and averaged with those around.
-pub(super) fn smooth_normals(positions_m: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+pub(crate) fn smooth_normals(positions_m: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut normals = normals(positions_m, triangles);
     for _ in 0..SMOOTHINGS {
         let mut sums = normals.clone();
