@@ -19,6 +19,7 @@ mod pose_rows;
 mod preview;
 mod register;
 mod replay;
+mod scan_texture;
 mod scans;
 mod schema;
 mod shots;

@@ -1,6 +1,7 @@
 //! `cargo xtask register ID SCAN`: a scan as a target shape, in the base's own topology, and how near it comes.
 
 use crate::places::{Places, ended, say, write_whole};
+use crate::scan_texture::TextureArgs;
 use crate::scans::ScanArgs;
 use glam::{DVec3, Vec3};
 use kitsuke_pipeline::ir;
@@ -32,6 +33,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE.obj")]
     truth: Option<PathBuf>,
     #[command(flatten)]
+    texture: TextureArgs,
+    #[command(flatten)]
     places: Places,
 }
 
@@ -47,6 +50,7 @@ fn registered(args: &Args) -> Result<(), String> {
     let triangles = &garment.base.triangles;
     let scan = args.scan.read()?;
     let cleaned = args.scan.clean(&scan)?;
+    let coloured = cleaned.carried(&scan.mesh);
     let scan = Scan {
         positions_m: cleaned.positions_m.clone(),
         triangles: cleaned.triangles.clone(),
@@ -67,6 +71,7 @@ fn registered(args: &Args) -> Result<(), String> {
         let png = picture(&garment, &laid, &scan)?;
         write_whole(path, |out| out.write_all(&png))?;
     }
+    args.texture.write(&args.scan.file, &garment, &laid, &coloured)?;
     Ok(())
 }
 

@@ -4,7 +4,8 @@ use crate::places::say;
 use glam::DVec3;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
 use kitsuke_pipeline::meshlab::{self, Cleaned, Settings, environment};
-use kitsuke_pipeline::source::import::{self, ImportedMesh};
+use kitsuke_pipeline::source::import::{self, ImportedMesh, Picture};
+use kitsuke_pipeline::source::picture;
 use kitsuke_pipeline::source::units::LengthUnit;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -83,6 +84,37 @@ impl ScanArgs {
             limit: Duration::from_secs(self.limit),
         };
         meshlab::clean(&python, &scan.positions_m, &scan.mesh.triangles, &settings).map_err(|error| error.to_string())
+    }
+}
+
+/// The picture of a scan: in the file, or a file beside it or in a folder there.
+pub fn picture_of(file: &Path, mesh: &ImportedMesh) -> Result<Option<image::RgbImage>, String> {
+    const LONGEST: u64 = 1 << 30;
+    let decoded = |name: String, bytes: &[u8]| match picture::decode(bytes) {
+        Ok(image) => Ok(Some(image.into_rgb8())),
+        Err(problem) => Err(format!("{name}: {problem}")),
+    };
+    match &mesh.texture {
+        None => Ok(None),
+        Some(Picture::Held(bytes)) => decoded(format!("the picture in {}", file.display()), bytes),
+        Some(Picture::Named(name)) => {
+            // Programs write the paths of the machine they ran on: the name alone may lie beside the file.
+            let name = name.replace('\\', "/");
+            let folder = file.parent().unwrap_or(Path::new(""));
+            let last = name.rsplit('/').next().unwrap_or_default();
+            let stays = Path::new(&name).components().all(|part| matches!(part, std::path::Component::Normal(_)));
+            let names = stays.then_some(name.as_str()).into_iter().chain([last]);
+            let path = names.map(|name| folder.join(name)).find(|path| path.is_file());
+            let path = path.ok_or_else(|| {
+                format!("{} names the picture {name}, which does not lie beside it: put it there", file.display())
+            })?;
+            let cannot = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
+            let length = std::fs::metadata(&path).map_err(cannot)?.len();
+            if length > LONGEST {
+                return Err(format!("{} has {length} bytes; at most {LONGEST} are read", path.display()));
+            }
+            decoded(path.display().to_string(), &std::fs::read(&path).map_err(cannot)?)
+        }
     }
 }
 
