@@ -1,26 +1,16 @@
 //! One mesh in, the cleaned mesh out: the arrays go through a folder, `clean.py` does the rest. What comes back is held against what
 //! went in before anybody sees it. Knows no file format but NPY.
 
-use super::process::{self, Ended};
+use super::process::Ended;
+use super::script::{self, array, indices, is_place};
 use super::{CleanReport, MeshlabError};
-use crate::look::frames::npy_header_of;
+use crate::source::clean_answer;
 use crate::source::import::ImportedMesh;
-use crate::source::{clean_answer, npy};
-use bytemuck::Pod;
 use glam::DVec3;
-use std::fs;
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
 const SCRIPT: &str = include_str!("clean.py");
-/// Vertices and triangles of the largest mesh; a scan of a person has some hundred thousand.
-const MOST: usize = 20_000_000;
-/// Nothing worn is so large; farther away numbers lose the tenth of a millimetre.
-const FARTHEST_M: f64 = 1e6;
-/// Room for the header of an NPY file.
-const HEADER_BYTES: u64 = 1 << 16;
-
 /// How a mesh is cleaned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -121,26 +111,13 @@ pub fn clean(
     let temporary = std::env::temp_dir();
     let folder = tempfile::tempdir().map_err(|error| MeshlabError::io(&temporary, &error))?;
     let folder = folder.path();
-    let numbers: Vec<f64> = positions_m.iter().flat_map(|p| p.to_array()).collect();
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        fs::write(&path, bytes).map_err(|error| MeshlabError::io(&path, &error))
-    };
-    let array = |descr, rows, bytes: &[u8]| [&npy_header_of(descr, &[rows, 3]), bytes].concat();
-    write("positions.npy", &array("<f8", positions_m.len(), bytemuck::cast_slice(&numbers)))?;
-    write("triangles.npy", &array("<i4", triangles.len(), bytemuck::cast_slice(triangles)))?;
-    write("clean.py", SCRIPT.as_bytes())?;
+    script::write_mesh(folder, positions_m, triangles)?;
     let Settings { merge_m, least_share, least_triangles, hole_m, limit } = *settings;
     let request = serde_json::json!({
         "folder": folder.to_string_lossy(), "merge_m": merge_m, "least_share": least_share, "least_triangles": least_triangles,
         "hole_m": hole_m,
     });
-    // Absolute, because it runs elsewhere; links stay, for they are how Python finds its environment.
-    let mut command = Command::new(std::path::absolute(python).map_err(|error| MeshlabError::io(python, &error))?);
-    command.args(["-I", "-B"]).arg(folder.join("clean.py")).current_dir(folder);
-    minimal_environment(&mut command, folder);
-    let ended = process::run(&mut command, format!("{request}\n").as_bytes(), Some(limit))
-        .map_err(|error| MeshlabError::io(python, &error))?;
+    let ended = script::run(python, folder, ("clean.py", SCRIPT), &request, limit)?;
     match ended.status {
         None => return Err(MeshlabError::TimedOut { limit }),
         Some(status) if status.success() => {}
@@ -150,48 +127,14 @@ pub fn clean(
     cleaned(folder, given, &ended.stdout).map_err(|problem| MeshlabError::Answer { problem, tail: ended.tail })
 }
 
-/// Of numbers, and within bounds; the largest element of a vector says nothing of the others that are no numbers.
-fn is_place(position_m: DVec3) -> bool {
-    position_m.is_finite() && position_m.abs().max_element() <= FARTHEST_M
-}
-
 fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Settings) -> Result<(), String> {
     let Settings { merge_m, least_share, hole_m, .. } = *settings;
-    if positions_m.is_empty() || triangles.is_empty() {
-        return Err("it has no triangles".to_owned());
-    }
-    if positions_m.len().max(triangles.len()) > MOST {
-        return Err(format!(
-            "it has {} vertices and {} triangles, more than {MOST}",
-            positions_m.len(),
-            triangles.len()
-        ));
-    }
-    if let Some(i) = positions_m.iter().position(|&p| !is_place(p)) {
-        return Err(format!("vertex {i} lies at {} m; is the unit right?", positions_m[i]));
-    }
-    if let Some(i) = triangles.iter().position(|t| t.iter().any(|&corner| corner as usize >= positions_m.len())) {
-        return Err(format!("triangle {i} names a vertex that does not exist"));
-    }
+    script::check_mesh(positions_m, triangles)?;
     let bounds =
-        [("merge distance", merge_m, 0.1), ("least share", least_share, 1.0), ("size of holes", hole_m, FARTHEST_M)];
+        [("merge distance", merge_m, 0.1), ("least share", least_share, 1.0), ("size of holes", hole_m, script::FARTHEST_M)];
     match bounds.iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
         Some((name, value, most)) => Err(format!("the {name} is {value}, not within 0 and {most}")),
         None => Ok(()),
-    }
-}
-
-/// No variable of the user's reaches Python or the libraries, but those without which a system loads none. One thread, so that sums
-/// are always taken in one order.
-fn minimal_environment(command: &mut Command, folder: &Path) {
-    const KEPT: [&str; 3] = ["SystemRoot", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH"];
-    const ONE_THREAD: [&str; 3] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"];
-    command.env_clear();
-    command.envs(KEPT.iter().filter_map(|name| Some((name, std::env::var_os(name)?))));
-    command.envs(ONE_THREAD.map(|name| (name, "1")));
-    command.envs([("LC_ALL", "C.UTF-8"), ("PYTHONNOUSERSITE", "1"), ("QT_QPA_PLATFORM", "offscreen")]);
-    for name in ["HOME", "TMPDIR", "TEMP", "TMP"] {
-        command.env(name, folder);
     }
 }
 
@@ -253,20 +196,4 @@ fn cleaned(folder: &Path, (vertices, triangles): (usize, usize), stdout: &[u8]) 
         border_of_vertex: border.into_iter().map(|border| u32::try_from(border).ok()).collect(),
         report,
     })
-}
-
-fn array<T: Pod>(folder: &Path, name: &str, descr: &str, row: usize, most: usize) -> Result<Vec<T>, String> {
-    let path = folder.join(format!("{name}.npy"));
-    let length = fs::metadata(&path).map_err(|error| format!("{name}.npy: {error}"))?.len();
-    if length > (most * row * size_of::<T>()) as u64 + HEADER_BYTES {
-        return Err(format!("{name}.npy is larger than the mesh that went in"));
-    }
-    let bytes = fs::read(&path).map_err(|error| format!("{name}.npy: {error}"))?;
-    npy::read(&bytes, descr, row).map_err(|problem| format!("{name}.npy {problem}"))
-}
-
-fn indices(numbers: &[i32], count: usize, what: &str) -> Result<Vec<u32>, String> {
-    let index = |&number: &i32| u32::try_from(number).ok().filter(|&index| (index as usize) < count);
-    let all: Option<Vec<u32>> = numbers.iter().map(index).collect();
-    all.ok_or_else(|| format!("{what} does not exist"))
 }

@@ -1,12 +1,15 @@
 //! Cleaning of scans with pymeshlab, which is GPL-3: it is neither linked nor bundled. It runs in a process of its own, from a virtual
 //! environment that is made when a scan is first cleaned, and is spoken to by files and two lines of JSON. Knows no garment and
-//! no stage; nothing else of the pipeline needs Python.
+//! no stage; nothing else of the pipeline needs Python. In the same environment lives xatlas (MIT), which makes texture coordinates.
 
+mod atlas;
 mod clean;
 pub mod environment;
 mod process;
+mod script;
 
 pub use crate::source::clean_answer::{Border, CleanReport, Figures, Removed, Steps};
+pub use atlas::{Atlas, AtlasSettings, atlas};
 pub use clean::{Cleaned, Settings, clean};
 
 use std::path::{Path, PathBuf};
@@ -85,6 +88,20 @@ pub enum MeshlabError {
     Died {
         /// Exit code or signal.
         how: String,
+        /// What it said last.
+        tail: String,
+    },
+    /// xatlas is not there.
+    #[error(
+        "texture coordinates are made by xatlas, which has no wheel for this system (there is none for CPython 3.14 nor for Linux on ARM): use \
+         another Python, as python3.12 for example, or unwrap the mesh elsewhere; packing coordinates that are there needs no xatlas"
+    )]
+    NoXatlas,
+    /// The process that makes texture coordinates failed.
+    #[error("the process that makes texture coordinates with xatlas {problem}{}", said(tail))]
+    Atlas {
+        /// How it ended, or what is wrong with its answer.
+        problem: String,
         /// What it said last.
         tail: String,
     },

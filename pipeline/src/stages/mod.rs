@@ -14,6 +14,8 @@ pub(crate) mod laplacian;
 pub(crate) mod matrix;
 pub mod mirror;
 pub(crate) mod numbers;
+pub mod pack_islands;
+pub mod painted;
 pub(crate) mod posed_body;
 pub mod reach;
 pub mod regions;
