@@ -1,5 +1,6 @@
 //! `cargo xtask <verb>`: one file per verb.
 
+mod atlas;
 mod audit;
 mod bench;
 mod build_catalog;
@@ -12,6 +13,7 @@ mod evaluate;
 mod fit;
 mod inspect;
 mod leave_one_out;
+mod masks;
 mod new;
 mod places;
 mod play;
@@ -39,6 +41,7 @@ use std::process::ExitCode;
 #[derive(clap::Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
 enum Verb {
+    Atlas(atlas::Args),
     Audit(audit::Args),
     Bench(bench::Args),
     BuildCatalog(build_catalog::Args),
@@ -51,6 +54,7 @@ enum Verb {
     Fit(fit::Args),
     Inspect(inspect::Args),
     LeaveOneOut(leave_one_out::Args),
+    Masks(masks::Args),
     New(new::Args),
     Play(play::Args),
     PoseRows(pose_rows::Args),
@@ -69,6 +73,7 @@ enum Verb {
 
 fn main() -> ExitCode {
     match Verb::parse() {
+        Verb::Atlas(args) => atlas::run(args),
         Verb::Audit(args) => audit::run(args),
         Verb::Bench(args) => bench::run(args),
         Verb::BuildCatalog(args) => build_catalog::run(args),
@@ -81,6 +86,7 @@ fn main() -> ExitCode {
         Verb::Fit(args) => fit::run(args),
         Verb::Inspect(args) => inspect::run(args),
         Verb::LeaveOneOut(args) => leave_one_out::run(args),
+        Verb::Masks(args) => masks::run(args),
         Verb::New(args) => new::run(args),
         Verb::Play(args) => play::run(args),
         Verb::PoseRows(args) => pose_rows::run(args),

@@ -108,7 +108,9 @@ fn beside(baked: &Baked, own: &image::RgbImage) -> String {
         count += 1;
     }
     let [r, g, b] = sums.map(|sum| sum / f64::from(count.max(1)));
-    format!("beside the kimono's own texture, where it is sure: red {r:.1}, green {g:.1}, blue {b:.1} of 255 apart on average")
+    format!(
+        "beside the kimono's own texture, where it is sure: red {r:.1}, green {g:.1}, blue {b:.1} of 255 apart on average"
+    )
 }
 
 /// Scan, kimono with the texture, with its own, and what was seen, from the front and behind.
@@ -131,7 +133,9 @@ fn look(base: &Base<'_>, scan: &Scan<'_>, baked: &Baked, own: Option<&image::Rgb
     let base = Split::new(base.positions_m, base.triangles, &base_uv);
     let scan_split = match scan.colours {
         Colours::Picture(_, uv) => Split::new(scan.positions_m, scan.triangles, uv),
-        Colours::PerVertex(_) => Split::new(scan.positions_m, scan.triangles, &vec![[Vec2::ZERO; 3]; scan.triangles.len()]),
+        Colours::PerVertex(_) => {
+            Split::new(scan.positions_m, scan.triangles, &vec![[Vec2::ZERO; 3]; scan.triangles.len()])
+        }
     };
     let colours: Vec<[u8; 3]> = match scan.colours {
         Colours::PerVertex(colours) => scan.triangles.iter().flatten().map(|&v| colours[v as usize]).collect(),

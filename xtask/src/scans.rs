@@ -118,7 +118,8 @@ pub fn picture_of(file: &Path, mesh: &ImportedMesh) -> Result<Option<image::RgbI
     }
 }
 
-fn unit(text: &str) -> Result<LengthUnit, String> {
+/// A unit of length by its name.
+pub fn unit(text: &str) -> Result<LengthUnit, String> {
     let known = LengthUnit::ALL.into_iter().find(|unit| unit.name() == text);
     known.ok_or_else(|| format!("a unit is one of {}", LengthUnit::ALL.map(LengthUnit::name).join(", ")))
 }

@@ -61,7 +61,9 @@ pub fn atlas(
     let AtlasSettings { size_px, padding_px, limit } = *settings;
     script::check_mesh(positions_m, triangles).map_err(MeshlabError::Unfit)?;
     if !(16..=16_384).contains(&size_px) || padding_px > size_px / 8 {
-        let problem = format!("a texture of {size_px} pixels with {padding_px} between charts: 16 to 16384 it may have, and an eighth of that between");
+        let problem = format!(
+            "a texture of {size_px} pixels with {padding_px} between charts: 16 to 16384 it may have, and an eighth of that between"
+        );
         return Err(MeshlabError::Unfit(problem));
     }
     let temporary = std::env::temp_dir();

@@ -130,8 +130,11 @@ pub fn clean(
 fn check_input(positions_m: &[DVec3], triangles: &[[u32; 3]], settings: &Settings) -> Result<(), String> {
     let Settings { merge_m, least_share, hole_m, .. } = *settings;
     script::check_mesh(positions_m, triangles)?;
-    let bounds =
-        [("merge distance", merge_m, 0.1), ("least share", least_share, 1.0), ("size of holes", hole_m, script::FARTHEST_M)];
+    let bounds = [
+        ("merge distance", merge_m, 0.1),
+        ("least share", least_share, 1.0),
+        ("size of holes", hole_m, script::FARTHEST_M),
+    ];
     match bounds.iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
         Some((name, value, most)) => Err(format!("the {name} is {value}, not within 0 and {most}")),
         None => Ok(()),

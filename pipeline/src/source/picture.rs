@@ -25,8 +25,7 @@ pub fn decode(bytes: &[u8]) -> Result<DynamicImage, String> {
         error => format!("it is damaged: {error}"),
     };
     // Its size first: it is refused before there is room for it.
-    let (width, height) =
-        ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
+    let (width, height) = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
     if width.max(height) > SIDE || u64::from(width) * u64::from(height) > PIXELS {
         return Err(format!(
             "it has {width} x {height} pixels; at most {SIDE} along a side and {PIXELS} in all are read, so save it smaller"

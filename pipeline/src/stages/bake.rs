@@ -360,12 +360,7 @@ impl Squares {
     }
 }
 
-fn pushed(
-    island: &[(u32, u32)],
-    known: &[Vec4],
-    size: usize,
-    unseen: impl Iterator<Item = u32>,
-) -> Vec<(u32, Vec3)> {
+fn pushed(island: &[(u32, u32)], known: &[Vec4], size: usize, unseen: impl Iterator<Item = u32>) -> Vec<(u32, Vec3)> {
     let place = |i: u32| (i as usize % size, i as usize / size);
     let (mut low, mut high) = ((size, size), (0, 0));
     for &(_, i) in island {

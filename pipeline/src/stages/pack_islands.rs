@@ -59,13 +59,17 @@ pub fn pack(triangles: &[[u32; 3]], uv: &[[Vec2; 3]], settings: &Settings) -> Re
     if uv.len() != triangles.len() || uv.is_empty() {
         return fault("there are no texture coordinates to pack".to_owned());
     }
-    if let Some(i) = uv.iter().position(|corners| corners.iter().any(|uv| !uv.is_finite() || uv.abs().max_element() > 1e6)) {
+    if let Some(i) =
+        uv.iter().position(|corners| corners.iter().any(|uv| !uv.is_finite() || uv.abs().max_element() > 1e6))
+    {
         return fault(format!("the texture coordinates of triangle {i} are no places in a picture"));
     }
     let island = islands(triangles, uv);
     let count = island.iter().max().map_or(0, |&last| last as usize + 1);
     if count > MOST {
-        return fault(format!("{count} islands are more than {MOST}: are corners that belong together written as different ones?"));
+        return fault(format!(
+            "{count} islands are more than {MOST}: are corners that belong together written as different ones?"
+        ));
     }
     let (mut low, mut high) = (vec![DVec2::INFINITY; count], vec![DVec2::NEG_INFINITY; count]);
     let mut area = vec![0.0; count];
@@ -98,7 +102,9 @@ pub fn pack(triangles: &[[u32; 3]], uv: &[[Vec2; 3]], settings: &Settings) -> Re
             })
             .collect();
         // The highest first, then the widest, then the first.
-        pieces.sort_by(|a, b| b.size.y.total_cmp(&a.size.y).then(b.size.x.total_cmp(&a.size.x)).then(a.island.cmp(&b.island)));
+        pieces.sort_by(|a, b| {
+            b.size.y.total_cmp(&a.size.y).then(b.size.x.total_cmp(&a.size.x)).then(a.island.cmp(&b.island))
+        });
         if let Some(places) = placed(&pieces, side - margin) {
             break (side, places.into_iter().map(|(at, is_turned)| (at + margin, is_turned)).collect::<Vec<_>>());
         }

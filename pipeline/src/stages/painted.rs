@@ -100,7 +100,8 @@ pub fn regions(picture: &RgbaImage, regions: &[Region], background: [u8; 3]) -> 
     let pixels: Vec<usize> =
         masks.iter().map(|mask| mask.as_raw().iter().filter(|&&share| share >= 128).count()).collect();
     let nearest = regions.iter().zip(&pixels).map(|(region, &count)| (count == 0).then(|| nearest(picture, region))?);
-    let strays: Vec<usize> = rows.iter().flat_map(|(_, is_stray)| is_stray).enumerate().filter(|(_, s)| **s).map(|(i, _)| i).collect();
+    let strays: Vec<usize> =
+        rows.iter().flat_map(|(_, is_stray)| is_stray).enumerate().filter(|(_, s)| **s).map(|(i, _)| i).collect();
     let first_stray = strays.first().map(|&i| {
         let [x, y] = [i as u32 % width, i as u32 / width];
         let Rgba([r, g, b, _]) = *picture.get_pixel(x, y);
