@@ -1,6 +1,7 @@
 //! All suites, one binary.
 
 mod accessories;
+mod bake;
 mod blending;
 mod bodies;
 mod build;
