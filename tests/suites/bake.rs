@@ -231,7 +231,7 @@ fn painted_regions_are_read_back_as_masks_that_sum_to_at_most_one() {
         ([half, half, 0, 255], [127, 128]),
         ([128, 127, 0, 255], [128, 127]),
         ([255, 0, 0, 100], [100, 0]),
-        ([250, 4, 3, 255], [255, 0]),
+        ([250, 4, 3, 255], [244, 0]),
     ];
     let picture = RgbaImage::from_fn(9, 1, |x, _| Rgba(cases[x as usize].0));
     let painted = regions(&picture, &named, [0; 3]);
@@ -337,14 +337,18 @@ fn xatlas_unwraps_to_one_scale_with_every_vertex_where_it_was() {
     };
     assert_eq!(atlas.mirrored, 0);
     let per_metre = 1.0 / atlas.side_m;
+    let (mut all, mut all_m) = (0.0, 0.0);
     for (vertices, uv) in tube.triangles.iter().zip(&atlas.uv_triangles) {
         assert_eq!(uv.map(|i| atlas.vertex_of_uv[i as usize]), *vertices);
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
             let length_m = tube.positions_m[vertices[a] as usize].distance(tube.positions_m[vertices[b] as usize]);
             let length = f64::from(atlas.uv[uv[a] as usize].distance(atlas.uv[uv[b] as usize]));
-            assert!((length / (length_m * per_metre) - 1.0).abs() < 0.1, "{length} for {length_m} m");
+            // A chart of half the tube is no flat strip: some edges grow, others shrink.
+            assert!((length / (length_m * per_metre) - 1.0).abs() < 0.3, "{length} for {length_m} m");
+            (all, all_m) = (all + length, all_m + length_m);
         }
     }
+    assert!((all / (all_m * per_metre) - 1.0).abs() < 0.05, "{all} for {all_m} m");
     let again = meshlab::atlas(&python, &tube.positions_m, &tube.triangles, &settings).unwrap();
     assert!(atlas == again, "the same mesh gives the same bytes");
 }

@@ -256,14 +256,18 @@ fn wrapped_shares(corners: [DVec2; 3], at: DVec2, size: f64) -> Option<[f64; 3]>
     all.find(|shares| shares.iter().all(|&share| share >= -1e-6))
 }
 
-/// Whether most of a scan's triangles near the base face the other way than the base.
+/// Whether more of the base finds a scan beside it that faces the other way than one that faces as the base does. A lining, which faces
+/// the other way beside what does not, says nothing.
 fn faces_inwards(base: &Base<'_>, normals: &[DVec3], surface: &Surface, within_m: f64) -> bool {
     /// More say nothing more.
     const ASKED: usize = 2000;
     let step = base.positions_m.len().div_ceil(ASKED).max(1);
     let asked = (0..base.positions_m.len()).step_by(step).filter(|&v| base.confidence[v] > 0.0);
-    let hits = asked.filter_map(|v| Some((v, surface.nearest(base.positions_m[v], within_m, |_| true)?)));
-    hits.map(|(v, hit)| hit.normal.dot(normals[v]).signum()).sum::<f64>() < 0.0
+    let finds = |v: usize, side: f64| {
+        let accepts = |n: DVec3| side * n.dot(normals[v]) > 0.0;
+        i64::from(surface.nearest(base.positions_m[v], within_m, accepts).is_some())
+    };
+    asked.map(|v| finds(v, 1.0) - finds(v, -1.0)).sum::<i64>() < 0
 }
 
 /// Linear light of a scan's place.

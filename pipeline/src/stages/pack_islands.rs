@@ -96,7 +96,7 @@ pub fn pack(triangles: &[[u32; 3]], uv: &[[Vec2; 3]], settings: &Settings) -> Re
             .iter()
             .enumerate()
             .map(|(island, &size)| {
-                let is_turned = settings.may_turn && size.x > size.y;
+                let is_turned = settings.may_turn && size.x > size.y * (1.0 + 1e-4);
                 let size = if is_turned { DVec2::new(size.y, size.x) } else { size };
                 Piece { island, size: size + margin, is_turned }
             })
