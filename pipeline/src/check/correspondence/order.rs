@@ -18,7 +18,7 @@ pub(super) fn guesses(base: &Mesh, other: &Mesh) -> Vec<(Guess, Evidence)> {
     };
     let by_uv = |mesh: &Mesh, piece: &[usize]| vec![vertices_by_uv(mesh, piece).len() as u32];
     let by_number = |mesh: &Mesh, piece: &[usize]| vec![vertices_by_number(mesh, piece).len() as u32];
-    let pair = |sign: &dyn Fn(&Mesh, &[usize]) -> Vec<u32>, other_sign: &dyn Fn(&Mesh, &[usize]) -> Vec<u32>| {
+    let pair = |sign: Sign<'_>, other_sign: Sign<'_>| {
         let base_signs: Vec<Vec<u32>> = parts.iter().map(|piece| sign(base, piece)).collect();
         let other_signs: Vec<Vec<u32>> = other_parts.iter().map(|piece| other_sign(other, piece)).collect();
         pairs((base, &parts, &base_signs), (other, &other_parts, &other_signs))
@@ -50,6 +50,9 @@ fn faces_of_parts(mesh: &Mesh) -> Vec<Vec<usize>> {
     }
     faces
 }
+
+/// What pieces that are one have alike.
+type Sign<'a> = &'a dyn Fn(&Mesh, &[usize]) -> Vec<u32>;
 
 /// Pieces of a mesh, each with what pieces that are one have alike.
 type Pieces<'a> = (&'a Mesh, &'a [Vec<usize>], &'a [Vec<u32>]);
@@ -147,9 +150,10 @@ fn in_vertex_order(
         }
         for &face in piece {
             let face = &other.faces[face];
-            for at in face.first_corner as usize..(face.first_corner + face.corner_count) as usize {
-                let rank = own.binary_search_by_key(&other.corners[at].vertex, |corner| corner.vertex).ok()?;
-                guess[at] = wanted[rank];
+            let guessed = &mut guess[face.first_corner as usize..][..face.corner_count as usize];
+            for (guess, corner) in guessed.iter_mut().zip(other.corners_of(face)) {
+                let rank = own.binary_search_by_key(&corner.vertex, |corner| corner.vertex).ok()?;
+                *guess = wanted[rank];
             }
         }
     }

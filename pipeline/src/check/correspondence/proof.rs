@@ -33,9 +33,9 @@ pub(super) fn prove(base: &Mesh, other: &Mesh, guess: &Guess, by_lengths: bool) 
     }
     let mut copies: Vec<(u32, u32, u32)> = Vec::new();
     for face in &other.faces {
-        for at in face.first_corner as usize..(face.first_corner + face.corner_count) as usize {
-            copies.push((guess[at].vertex, other.corners[at].vertex, face.part));
-        }
+        let guessed = &guess[face.first_corner as usize..][..face.corner_count as usize];
+        let pairs = guessed.iter().zip(other.corners_of(face));
+        copies.extend(pairs.map(|(guess, corner)| (guess.vertex, corner.vertex, face.part)));
     }
     copies.sort_unstable();
     copies.dedup_by_key(|copy| (copy.0, copy.1));
