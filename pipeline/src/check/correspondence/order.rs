@@ -30,10 +30,8 @@ pub(super) fn guesses(base: &Mesh, other: &Mesh) -> Vec<(Guess, Evidence)> {
     if let Some(pairs) = pair(&faces, &faces) {
         add(in_face_order(base, other, &parts, &other_parts, &pairs), Evidence::Faces);
     }
-    let lists: [fn(&Mesh, &[usize]) -> Vec<Corner>; 2] = [vertices_by_uv, vertices_by_number];
-    for list in lists {
-        add(in_vertex_order(base, other, &whole, &other_whole, &same(&whole), list), Evidence::Vertices);
-    }
+    add(in_vertex_order(base, other, &whole, &other_whole, &same(&whole), vertices_by_uv), Evidence::Vertices);
+    add(in_vertex_order(base, other, &whole, &other_whole, &same(&whole), vertices_by_number), Evidence::Vertices);
     if let Some(pairs) = pair(&by_uv, &by_number) {
         add(in_vertex_order(base, other, &parts, &other_parts, &pairs, vertices_by_uv), Evidence::Vertices);
     }
