@@ -4,8 +4,16 @@
 use std::path::{Path, PathBuf};
 
 /// Relative to this crate.
-const SOURCES: [&str; 7] =
-    ["src/build.rs", "src/ir.rs", "src/light.rs", "src/measure", "src/stages", "../runtime/src", "../Cargo.lock"];
+const SOURCES: [&str; 8] = [
+    "src/meshlab",
+    "src/build.rs",
+    "src/ir.rs",
+    "src/light.rs",
+    "src/measure",
+    "src/stages",
+    "../runtime/src",
+    "../Cargo.lock",
+];
 
 fn main() {
     let mut files = Vec::new();

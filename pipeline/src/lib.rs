@@ -16,9 +16,11 @@ pub mod look;
 pub mod measure;
 pub mod memo;
 pub mod meshlab;
+mod scans;
 pub mod source;
 pub mod stages;
 
 pub use build::{Built, StageRun, build_garment};
 pub use draft::draft;
-pub use load::{Loaded, load};
+pub use load::{Loaded, load, load_with};
+pub use scans::Workshop;

@@ -1,6 +1,7 @@
 //! Source → Ir in one call. Knows neither stages nor packs.
 
 use crate::diagnostic::{self, Diagnostic, Severity};
+use crate::scans::{self, Workshop};
 use crate::source::InputFile;
 use crate::{check, ir, source};
 use std::path::Path;
@@ -16,11 +17,20 @@ pub struct Loaded {
     pub inputs: Vec<InputFile>,
 }
 
-/// Reads and checks a garment folder: all mistakes in one run.
+/// Reads and checks a garment folder without scans: all mistakes in one run.
 #[must_use]
 pub fn load(garment_dir: &Path) -> Loaded {
+    load_with(garment_dir, None)
+}
+
+/// Reads and checks a garment folder: all mistakes in one run. Its scans are cleaned in the workshop.
+#[must_use]
+pub fn load_with(garment_dir: &Path, workshop: Option<&Workshop<'_>>) -> Loaded {
     let mut report = Vec::new();
-    let (source, inputs) = source::read(garment_dir, &mut report);
+    let (mut source, inputs) = source::read(garment_dir, &mut report);
+    if let Some(source) = &mut source {
+        scans::register(source, workshop, &mut report);
+    }
     let garment = source.and_then(|source| check::check(source, &mut report));
     let diagnostics = diagnostic::sorted(report);
     let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);

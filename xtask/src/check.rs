@@ -1,6 +1,7 @@
 //! `cargo xtask check`: reads garment folders and reports every mistake, in seconds and without building.
 
 use crate::places::in_workspace;
+use kitsuke_pipeline::Workshop;
 use kitsuke_pipeline::catalog;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
 use std::io::IsTerminal;
@@ -15,6 +16,9 @@ pub struct Args {
     /// The folder that holds the garment folders.
     #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("assets-src"))]
     assets: PathBuf,
+    /// Where scans are cleaned and kept.
+    #[arg(long, value_name = "DIR", default_value_os_t = in_workspace("target/kitsuke-cache"))]
+    cache: PathBuf,
     /// How mistakes are written.
     #[arg(long, value_enum, default_value_t)]
     message_format: MessageFormat,
@@ -56,7 +60,8 @@ pub fn run(args: Args) -> ExitCode {
     };
     let mut is_sound = true;
     for id in ids {
-        let loaded = kitsuke_pipeline::load(&args.assets.join(&id));
+        let workshop = Workshop { cache: &args.cache, tell: &|line| eprintln!("note: {id}: {line}") };
+        let loaded = kitsuke_pipeline::load_with(&args.assets.join(&id), Some(&workshop));
         print!("{}", diagnostic::render(&loaded.diagnostics, &args.assets, args.message_format.format()));
         let summary = diagnostic::summary(&loaded.diagnostics, &id);
         match args.message_format {

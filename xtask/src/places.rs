@@ -2,6 +2,7 @@
 
 use kitsuke::Pack;
 use kitsuke::fit::{FitData, Fitter};
+use kitsuke_pipeline::Workshop;
 use kitsuke_pipeline::catalog::CatalogError;
 use kitsuke_pipeline::{catalog, ir};
 use std::fs;
@@ -71,7 +72,9 @@ impl Places {
             eprintln!("note: {} does not exist, so texture, wearer and target files are left out", dir.display());
             return None;
         }
-        let garment = kitsuke_pipeline::load(&dir).garment;
+        let cache = in_workspace("target/kitsuke-cache");
+        let workshop = Workshop { cache: &cache, tell: &|line| eprintln!("note: {id}: {line}") };
+        let garment = kitsuke_pipeline::load_with(&dir, Some(&workshop)).garment;
         if garment.is_none() {
             eprintln!(
                 "note: {} has mistakes (cargo xtask check {id}), so texture, wearer and target files are left out",

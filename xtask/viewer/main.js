@@ -431,7 +431,7 @@ async function choose(id) {
   const garment = garments.find((garment) => garment.id === id) ?? garments[0];
   if (!garment) return;
   const { status, errors, warnings, said, draft } = garment;
-  const words = { building: draft ? "shown as saved, building …" : "building …", built: "built", failed: "not built" }[status];
+  const words = { scans: "laying the base onto scans …", building: draft ? "shown as saved, building …" : "building …", built: "built", failed: "not built" }[status];
   const counts = [[errors, "mistake"], [warnings, "warning"]].filter(([count]) => count > 0);
   $("status").textContent = [words, ...counts.map(([count, what]) => `${count} ${what}${count === 1 ? "" : "s"}`)].join(", ");
   $("status").className = errors > 0 || status === "failed" ? "failed" : warnings > 0 ? "warned" : "";

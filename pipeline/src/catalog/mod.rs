@@ -11,6 +11,7 @@ mod report;
 use crate::build::{Built, StageRun, build_garment};
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::Memo;
+use crate::scans::Workshop;
 use crate::stages::regions::Remainder;
 use crate::{load, source};
 use index::{Entry, Index};
@@ -318,7 +319,9 @@ impl Job<'_> {
             }
         }
         self.progress.started(id);
-        let loaded = load::load(&folder);
+        let tell = |line: &str| self.progress.note(&format!("{id}: {line}"));
+        let workshop = Workshop { cache: &self.options.cache, tell: &tell };
+        let loaded = load::load_with(&folder, Some(&workshop));
         report.diagnostics = loaded.diagnostics;
         let mut pack = None;
         if let Some(garment) = loaded.garment {

@@ -34,7 +34,7 @@ use crate::source::paths::Paths;
 use crate::source::sizes::SizeTable;
 use crate::source::tables::{PoseRow, PoseTable};
 use crate::source::units::{Length, LengthUnit};
-use crate::source::{is_garment_id, rules};
+use crate::source::{in_metres, is_garment_id, rules};
 use glam::{DVec3, Vec3};
 use kitsuke::accessories::Texture;
 use kitsuke::accessories::limits::TEXTURE_BYTES;
@@ -58,7 +58,8 @@ struct NamedMesh<'a> {
 /// Turns what was read into a garment, or reports why that cannot be. What was absent in `source` is taken as
 /// reported already.
 pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment> {
-    let Source { folder, manifest, poses, sizes, mut meshes, masks, body, paths, rules, texture_png } = source;
+    let Source { folder, manifest, poses, sizes, mut meshes, scans: _, masks, body, paths, rules, texture_png } =
+        source;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     check_id(&folder, report);
     let budget_m = check_budget(&manifest, &manifest_file, report);
@@ -93,7 +94,7 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
     // What follows compares places, which needs unit and axes.
     let unit = manifest.unit.as_ref().map_or(Some(LengthUnit::M), |unit| unit.get().copied())?;
     let up = manifest.up.as_ref().map_or(Some(Up::Y), |up| up.get().copied())?;
-    let place = |position: &DVec3| in_metres(*position, unit, up);
+    let place = |position: &DVec3| in_metres(*position, unit, up).as_vec3();
     let base_mesh = base_mesh.filter(|base| !base.mesh.faces.is_empty())?;
     let base = surface(base_mesh.mesh, &place);
     let obi = obi_mesh.map(|obi| surface(obi.mesh, &place));
@@ -269,15 +270,6 @@ fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let grouped: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|d| std::str::from_utf8(d).unwrap_or("")).collect();
     grouped.join(",")
-}
-
-/// A position of a file as metres, Y up, front +Z.
-fn in_metres(position: DVec3, unit: LengthUnit, up: Up) -> Vec3 {
-    let turned = match up {
-        Up::Y => position,
-        Up::Z => DVec3::new(position.x, position.z, -position.y),
-    };
-    (turned * unit.metres()).as_vec3()
 }
 
 /// A mesh as triangles in metres.

@@ -71,6 +71,9 @@ pub struct Manifest {
     /// The joints that choose among the targets, each with the region of the kimono that it moves.
     #[serde(default, rename = "driver")]
     pub drivers: Vec<DriverEntry>,
+    /// Sizes that are scans: shapes of any topology, onto which the base is laid.
+    #[serde(default, rename = "scan")]
+    pub scans: Vec<ScanEntry>,
     /// Joints that the kimono keeps from turning farther than its targets do: a skirt stops a stride.
     #[serde(default, rename = "limit")]
     pub limits: Vec<LimitEntry>,
@@ -86,6 +89,21 @@ pub struct LimitEntry {
     /// How much farther than the targets they may turn at most.
     #[schemars(required)]
     pub margin: Option<Field<Angle>>,
+}
+
+/// One `[[scan]]`.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct ScanEntry {
+    /// The scan (OBJ, PLY, GLB, glTF, FBX); a row of the size table names the same file.
+    #[schemars(required)]
+    pub file: Option<Field<String>>,
+    /// Its unit; needed where the file does not say it.
+    pub unit: Option<Field<LengthUnit>>,
+    /// Which of its axes points up: `+Y` (then the front is +Z) or `+Z` (then it is -Y); as the file says, else `+Y`, unless given.
+    pub up: Option<Field<Up>>,
+    /// Which of its axes points to the wearer's front, where it is another one: `+X`, `-X`, `+Y`, `-Y`, `+Z` or `-Z`.
+    pub front: Option<Field<Axis>>,
 }
 
 /// One `[[driver]]`.
@@ -164,6 +182,40 @@ impl JsonSchema for Up {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({ "type": "string", "enum": Up::ALL.map(|(name, _)| name) })
+    }
+}
+
+/// A direction along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "toml::Value")]
+pub struct Axis(pub glam::DVec3);
+
+impl Axis {
+    const ALL: [(&'static str, Axis); 6] = [
+        ("+X", Axis(glam::DVec3::X)),
+        ("-X", Axis(glam::DVec3::NEG_X)),
+        ("+Y", Axis(glam::DVec3::Y)),
+        ("-Y", Axis(glam::DVec3::NEG_Y)),
+        ("+Z", Axis(glam::DVec3::Z)),
+        ("-Z", Axis(glam::DVec3::NEG_Z)),
+    ];
+}
+
+impl TryFrom<toml::Value> for Axis {
+    type Error = String;
+
+    fn try_from(value: toml::Value) -> Result<Axis, String> {
+        one_of("axis", &value, Axis::ALL)
+    }
+}
+
+impl JsonSchema for Axis {
+    fn schema_name() -> Cow<'static, str> {
+        "Axis".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": Axis::ALL.map(|(name, _)| name) })
     }
 }
 
@@ -302,6 +354,7 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         rules,
         regions,
         drivers,
+        scans,
         limits,
     } = &manifest;
     for text in [name, base, texture, obi, body, poses, paths, sizes].into_iter().flatten() {
@@ -321,6 +374,12 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         name.iter().chain(group).chain(mask).for_each(|field| report_wrong(file, field, report));
         threshold.iter().for_each(|field| report_wrong(file, field, report));
         joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
+    }
+    for ScanEntry { file: scan, unit, up, front } in scans {
+        scan.iter().for_each(|field| report_wrong(file, field, report));
+        unit.iter().for_each(|field| report_wrong(file, field, report));
+        up.iter().for_each(|field| report_wrong(file, field, report));
+        front.iter().for_each(|field| report_wrong(file, field, report));
     }
     for LimitEntry { joints, margin } in limits {
         margin.iter().for_each(|field| report_wrong(file, field, report));

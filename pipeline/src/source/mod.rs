@@ -28,14 +28,17 @@ use crate::ir;
 use causes::Causes;
 pub use folder::InputFile;
 use folder::{Folder, Similar};
+use glam::DVec3;
+use import::ImportedMesh;
 use kitsuke::arrays::limits;
 use kitsuke::tailoring::RuleSet;
-use manifest::{Field, Manifest};
+use manifest::{Field, Manifest, Up};
 use rayon::prelude::*;
 use sizes::SizeTable;
 use std::collections::BTreeMap;
 use std::path::Path;
 use tables::PoseTable;
+use units::LengthUnit;
 
 /// A garment's files as they were read, unchecked against each other. What could not be read has been reported and is
 /// absent.
@@ -51,6 +54,8 @@ pub struct Source {
     pub sizes: Option<SizeTable>,
     /// Meshes by file name: base, targets, sizes, obi.
     pub meshes: BTreeMap<String, obj::Mesh>,
+    /// Scans by file name.
+    pub scans: BTreeMap<String, ScanFile>,
     /// Masks by file name.
     pub masks: BTreeMap<String, masks::Mask>,
     /// The body.
@@ -63,10 +68,26 @@ pub struct Source {
     pub texture_png: Option<Vec<u8>>,
 }
 
+/// A scan and what the manifest says of it.
+#[derive(Clone, Debug)]
+pub struct ScanFile {
+    /// As in the file.
+    pub mesh: ImportedMesh,
+    /// Hash of the file's bytes.
+    pub blake3: String,
+    /// Its unit.
+    pub unit: Option<LengthUnit>,
+    /// Its axis that points up.
+    pub up: Option<Up>,
+    /// Its axis that points to the front.
+    pub front: Option<DVec3>,
+}
+
 /// What a file is read as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Role {
     Mesh,
+    Scan,
     Body,
     Mask,
     Paths,
@@ -127,6 +148,16 @@ pub fn garment_ids(assets_dir: &Path) -> std::io::Result<Vec<String>> {
     }
     ids.sort();
     Ok(ids)
+}
+
+/// A position of a garment's files as metres, Y up, front +Z.
+#[must_use]
+pub fn in_metres(position: DVec3, unit: LengthUnit, up: Up) -> DVec3 {
+    let turned = match up {
+        Up::Y => position,
+        Up::Z => DVec3::new(position.x, position.z, -position.y),
+    };
+    turned * unit.metres()
 }
 
 /// The name nearest to `word`, if it is near enough to be what was meant.
@@ -194,7 +225,12 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
     for driver in &manifest.drivers {
         cite.add(driver.mask.as_ref(), Role::Mask);
     }
+    for scan in &manifest.scans {
+        cite.add(scan.file.as_ref(), Role::Scan);
+    }
     let mut references = cite.references;
+    let scans: Vec<String> =
+        references.iter().filter(|cited| cited.role == Role::Scan).map(|cited| cited.name.clone()).collect();
     let mut table = |name: &Option<(String, Place)>, report: &mut Vec<Diagnostic>| {
         let (name, place) = name.as_ref()?;
         let bytes = folder.read(name);
@@ -209,9 +245,16 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
     let targets =
         poses.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&poses_name, row.line, &row.file));
     let shapes = sizes.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&sizes_name, row.line, &row.file));
-    for (table, line, file) in targets.chain(shapes) {
+    let rows = targets.map(|row| (row, false)).chain(shapes.map(|row| (row, true)));
+    for ((table, line, file), is_size) in rows {
         let (place, cited_in) = (Place::Line(line), table.as_ref().map(|(name, _)| name.clone()).unwrap_or_default());
         match folder.name_of(file) {
+            Ok(name) if scans.contains(&name) && is_size => {}
+            Ok(name) if scans.contains(&name) => report.push(
+                Diagnostic::error("scan-pose", cited_in, place)
+                    .problem(format!("{name} is a scan, and scans serve as sizes only"))
+                    .help("Lay the base onto it by hand (cargo xtask register) and name the OBJ that comes out, or remove its [[scan]]."),
+            ),
             Ok(name) => references.push(Reference { name, role: Role::Mesh, cited_in, place }),
             Err(problem) => report.push(
                 Diagnostic::error("path", cited_in, place)
@@ -343,6 +386,7 @@ fn read_files<T: Send>(
 
 /// What a file was decoded to.
 enum Decoded {
+    Scan(Option<Box<ImportedMesh>>),
     Mesh(Option<obj::Mesh>),
     Body(Option<Box<ir::Body>>),
     Mask(Option<masks::Mask>),
@@ -361,6 +405,10 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
         let hash = folder::hash(&bytes);
         let decoded = match reference.role {
             Role::Mesh => Decoded::Mesh(obj::read(name, &bytes, &mut report)),
+            Role::Scan => {
+                let beside = folder.root().join(name);
+                Decoded::Scan(import::read_bytes(name, &bytes, beside.parent(), &mut report).map(Box::new))
+            }
             Role::Body => Decoded::Body(body::read(name, &bytes, &mut report).map(Box::new)),
             Role::Mask => Decoded::Mask(masks::read(name, &bytes, &mut report)),
             Role::Paths => Decoded::Paths(paths::read(name, &bytes, &mut report)),
@@ -375,6 +423,7 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
         poses: head.poses,
         sizes: head.sizes,
         meshes: BTreeMap::new(),
+        scans: BTreeMap::new(),
         masks: BTreeMap::new(),
         body: None,
         paths: None,
@@ -384,8 +433,20 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
     let mut inputs = head.inputs;
     for (path, (decoded, mut found, blake3)) in files {
         report.append(&mut found);
-        inputs.push(InputFile { path: path.clone(), blake3 });
+        inputs.push(InputFile { path: path.clone(), blake3: blake3.clone() });
         match decoded {
+            Decoded::Scan(mesh) => {
+                let said = source.manifest.scans.iter().find(|said| {
+                    let file = said.file.as_ref().and_then(Field::get);
+                    file.is_some_and(|file| source.folder.name_of(file).as_ref() == Ok(&path))
+                });
+                if let (Some(mesh), Some(said)) = (mesh, said) {
+                    let unit = said.unit.as_ref().and_then(|unit| unit.get().copied());
+                    let up = said.up.as_ref().and_then(|up| up.get().copied());
+                    let front = said.front.as_ref().and_then(|front| front.get()).map(|axis| axis.0);
+                    source.scans.insert(path, ScanFile { mesh: *mesh, blake3, unit, up, front });
+                }
+            }
             Decoded::Mesh(mesh) => source.meshes.extend(mesh.map(|mesh| (path, mesh))),
             Decoded::Mask(mask) => source.masks.extend(mask.map(|mask| (path, mask))),
             Decoded::Body(body) => source.body = body.map(|body| *body),

@@ -5,7 +5,7 @@ use super::watch::{Changed, Changes};
 use kitsuke::Pack;
 use kitsuke_pipeline::catalog::{self, Mode, Options, Outcome, Silent};
 use kitsuke_pipeline::diagnostic::{self, Diagnostic, Format, Severity};
-use kitsuke_pipeline::{draft, ir, load};
+use kitsuke_pipeline::{Workshop, draft, ir, load_with};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -75,7 +75,9 @@ impl State {
     fn build(&self, id: &str) {
         self.change(id, |shown| shown.status = "building");
         // What is wrong is told before anything is built.
-        let loaded = load(&self.places.assets.join(id));
+        let tell = |_: &str| self.change(id, |shown| shown.status = "scans");
+        let workshop = Workshop { cache: &self.places.cache, tell: &tell };
+        let loaded = load_with(&self.places.assets.join(id), Some(&workshop));
         let source = loaded.garment.map(Arc::new);
         self.say(id, &loaded.diagnostics, source.is_some());
         if source.is_none() {
