@@ -315,7 +315,7 @@ fn islands_are_packed_without_overlap_scale_or_mirror() {
 /// The Python that has xatlas, where it is installed.
 fn python() -> Option<PathBuf> {
     let cache = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("target/kitsuke-cache");
-    let python = environment::existing(&cache);
+    let python = environment::existing(&cache, &environment::PYMESHLAB);
     if python.is_none() {
         println!("skipped: xatlas is not installed (KITSUKE_MESHLAB=1 lets the suite clean install it)");
     }

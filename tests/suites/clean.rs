@@ -10,9 +10,12 @@ use std::path::{Path, PathBuf};
 fn python() -> Option<PathBuf> {
     let cache = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("target/kitsuke-cache");
     if std::env::var_os("KITSUKE_MESHLAB").is_some_and(|value| value == "1") {
-        return Some(environment::python(&cache, &|line| println!("{line}")).expect("pymeshlab can be installed"));
+        return Some(
+            environment::python(&cache, &environment::PYMESHLAB, &|line| println!("{line}"))
+                .expect("pymeshlab can be installed"),
+        );
     }
-    let python = environment::existing(&cache);
+    let python = environment::existing(&cache, &environment::PYMESHLAB);
     if python.is_none() {
         println!("skipped: pymeshlab is not installed (KITSUKE_MESHLAB=1 lets the tests install it)");
     }

@@ -82,7 +82,8 @@ fn laid_out(args: &Args) -> Result<(), String> {
 
 /// New charts.
 fn unwrapped(args: &Args, mesh: &ImportedMesh) -> Result<Vec<[Vec2; 3]>, String> {
-    let python = environment::python(&args.cache, &|line| say!("{line}")).map_err(|error| error.to_string())?;
+    let python = environment::python(&args.cache, &environment::PYMESHLAB, &|line| say!("{line}"))
+        .map_err(|error| error.to_string())?;
     let positions_m: Vec<DVec3> = mesh.positions.iter().map(|&p| p * args.unit.metres()).collect();
     let settings = AtlasSettings {
         size_px: args.size_px,

@@ -8,6 +8,7 @@ mod check;
 mod ci;
 mod clean;
 mod compare_packs;
+mod compare_registration;
 mod covered;
 mod evaluate;
 mod fit;
@@ -20,6 +21,7 @@ mod play;
 mod pose_rows;
 mod preview;
 mod register;
+mod registration_error;
 mod replay;
 mod scan_texture;
 mod scans;
@@ -49,6 +51,7 @@ enum Verb {
     Ci(ci::Args),
     Clean(clean::Args),
     ComparePacks(compare_packs::Args),
+    CompareRegistration(compare_registration::Args),
     Covered(covered::Args),
     Evaluate(evaluate::Args),
     Fit(fit::Args),
@@ -81,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Ci(args) => ci::run(args),
         Verb::Clean(args) => clean::run(args),
         Verb::ComparePacks(args) => compare_packs::run(args),
+        Verb::CompareRegistration(args) => compare_registration::run(args),
         Verb::Covered(args) => covered::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Fit(args) => fit::run(args),

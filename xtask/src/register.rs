@@ -1,15 +1,15 @@
 //! `cargo xtask register ID SCAN`: a scan as a target shape, in the base's own topology, and how near it comes.
 
 use crate::places::{Places, ended, say, write_whole};
+use crate::registration_error::{Against, read_truth, spread};
 use crate::scan_texture::TextureArgs;
 use crate::scans::ScanArgs;
 use glam::{DVec3, Vec3};
 use kitsuke_pipeline::ir;
 use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
-use kitsuke_pipeline::source::import;
-use kitsuke_pipeline::stages::register::{Registered, Rigid, Scan, Settings, register};
-use std::path::{Path, PathBuf};
+use kitsuke_pipeline::stages::register::{Registered, Scan, Settings, register};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -61,7 +61,8 @@ fn registered(args: &Args) -> Result<(), String> {
     let laid = register(&base_m, triangles, &scan, &Settings::default()).map_err(|error| error.to_string())?;
     say!("{}", table(&laid, triangles.len(), started.elapsed().as_secs_f64()));
     if let Some(truth) = &args.truth {
-        say!("{}", against(&laid.positions_m, &base_m, triangles, &read_truth(truth, base_m.len())?));
+        let truth = read_truth(truth, base_m.len())?;
+        say!("{}", Against::truth(&laid.positions_m, &base_m, triangles, &truth).text());
     }
     write_whole(&args.out, |out| {
         laid.positions_m.iter().try_for_each(|p| writeln!(out, "v {:.6} {:.6} {:.6}", p.x, p.y, p.z))?;
@@ -75,16 +76,6 @@ fn registered(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// Mean, median, 80 %, 95 % and largest, millimetres.
-fn spread(distances_m: &[f64]) -> String {
-    let mut sorted = distances_m.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at =
-        |share: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * share).round() as usize).map_or(0.0, |d| d * 1e3);
-    let mean = sorted.iter().sum::<f64>() / sorted.len().max(1) as f64 * 1e3;
-    format!("{mean:>8.2}{:>8.2}{:>8.2}{:>8.2}{:>8.2}", at(0.5), at(0.8), at(0.95), at(1.0))
-}
-
 fn table(laid: &Registered, triangles: usize, seconds: f64) -> String {
     let seen = laid.confidence.iter().filter(|c| **c > 0.5).count();
     format!(
@@ -96,37 +87,6 @@ fn table(laid: &Registered, triangles: usize, seconds: f64) -> String {
         laid.confidence.len(),
         laid.turned_over.len(),
         laid.aligned_m * 1e3
-    )
-}
-
-fn read_truth(path: &Path, count: usize) -> Result<Vec<DVec3>, String> {
-    let mesh = import::read(&path.to_string_lossy(), path, &mut Vec::new()).map_err(|error| error.to_string())?;
-    let mesh = mesh.ok_or_else(|| format!("{} cannot be read", path.display()))?;
-    if mesh.positions.len() != count {
-        return Err(format!("{} has {} vertices, the base {count}", path.display(), mesh.positions.len()));
-    }
-    Ok(mesh.positions)
-}
-
-fn against(laid: &[DVec3], base: &[DVec3], triangles: &[[u32; 3]], truth: &[DVec3]) -> String {
-    let weights = vec![1.0; laid.len()];
-    let moved = |from: &[DVec3]| -> Vec<DVec3> {
-        let motion = Rigid::between(from, truth, &weights);
-        from.iter().map(|&p| motion.place(p)).collect()
-    };
-    let (laid, base) = (moved(laid), moved(base));
-    let normal = |places: &[DVec3], t: &[u32; 3]| {
-        let [a, b, c] = t.map(|v| places[v as usize]);
-        (b - a).cross(c - a)
-    };
-    let turned =
-        |t: &&[u32; 3]| normal(&laid, t).dot(normal(&base, t)) < 0.0 && normal(truth, t).dot(normal(&base, t)) >= 0.0;
-    let turned = triangles.iter().filter(turned).count();
-    let away = |places: &[DVec3]| -> Vec<f64> { places.iter().zip(truth).map(|(a, b)| a.distance(*b)).collect() };
-    format!(
-        "from the right shape{}\nthe base would be   {}\n{turned} triangles are turned against the base and are not in the right shape",
-        spread(&away(&laid)),
-        spread(&away(&base))
     )
 }
 

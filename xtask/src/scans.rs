@@ -41,7 +41,7 @@ pub struct ScanArgs {
     limit: u64,
     /// Where pymeshlab is installed
     #[arg(long, value_name = "DIR", default_value_os_t = crate::places::in_workspace("target/kitsuke-cache"))]
-    cache: PathBuf,
+    pub cache: PathBuf,
 }
 
 /// A scan that was read.
@@ -75,7 +75,8 @@ impl ScanArgs {
 
     /// Cleans it with pymeshlab.
     pub fn clean(&self, scan: &Scan) -> Result<Cleaned, String> {
-        let python = environment::python(&self.cache, &|line| say!("{line}")).map_err(|error| error.to_string())?;
+        let python = environment::python(&self.cache, &environment::PYMESHLAB, &|line| say!("{line}"))
+            .map_err(|error| error.to_string())?;
         let settings = Settings {
             merge_m: self.merge_mm * 1e-3,
             least_share: self.least_percent * 1e-2,

@@ -6,11 +6,12 @@ mod atlas;
 mod clean;
 pub mod environment;
 mod process;
-mod script;
+pub mod script;
 
 pub use crate::source::clean_answer::{Border, CleanReport, Figures, Removed, Steps};
 pub use atlas::{Atlas, AtlasSettings, atlas};
 pub use clean::{Cleaned, Settings, clean};
+pub use process::Ended;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -48,11 +49,13 @@ pub enum MeshlabError {
     },
     /// pip failed.
     #[error(
-        "cleaning scans needs pymeshlab, which could not be installed (about 130 MB, once): is this machine on the network, and can pip reach its \
-         package index (proxies and mirrors are set as for any pip)? On Linux its files need glibc 2.35 or newer (Debian 12, Ubuntu 22.04).{}",
-        said(tail)
+        "{} needs {}, which could not be installed (about {} MB, once): is this machine on the network, and can pip reach its \
+         package index (proxies and mirrors are set as for any pip)?{}{}",
+        packages.purpose, packages.name, packages.load_mb, packages.system, said(tail)
     )]
     Pip {
+        /// What was to be installed.
+        packages: &'static environment::Packages,
         /// What it said last.
         tail: String,
     },

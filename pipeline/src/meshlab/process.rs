@@ -27,6 +27,7 @@ pub struct Ended {
 
 impl Ended {
     /// Exit code or signal, in words.
+    #[must_use]
     pub fn how(&self) -> String {
         let Some(status) = self.status else { return "nothing, its time being up".to_owned() };
         #[cfg(unix)]

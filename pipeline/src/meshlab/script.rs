@@ -45,8 +45,11 @@ pub(super) fn check_mesh(positions_m: &[DVec3], triangles: &[[u32; 3]]) -> Resul
     Ok(())
 }
 
-/// Writes a mesh where a script looks for it.
-pub(super) fn write_mesh(folder: &Path, positions_m: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), MeshlabError> {
+/// Writes a mesh where a script looks for it: `positions.npy` and `triangles.npy`.
+///
+/// # Errors
+/// They cannot be written.
+pub fn write_mesh(folder: &Path, positions_m: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), MeshlabError> {
     let numbers: Vec<f64> = positions_m.iter().flat_map(|p| p.to_array()).collect();
     let write = |name: &str, descr, rows, bytes: &[u8]| {
         let path = folder.join(name);
@@ -58,7 +61,10 @@ pub(super) fn write_mesh(folder: &Path, positions_m: &[DVec3], triangles: &[[u32
 }
 
 /// Runs a script, by its name and text, with one line of JSON.
-pub(super) fn run(
+///
+/// # Errors
+/// It cannot be started.
+pub fn run(
     python: &Path,
     folder: &Path,
     (name, text): (&str, &str),
@@ -89,7 +95,11 @@ fn minimal_environment(command: &mut Command, folder: &Path) {
     }
 }
 
-pub(super) fn array<T: Pod>(folder: &Path, name: &str, descr: &str, row: usize, most: usize) -> Result<Vec<T>, String> {
+/// An array that a script wrote: of elements as numpy names them, so many to a row, at most so many rows.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn array<T: Pod>(folder: &Path, name: &str, descr: &str, row: usize, most: usize) -> Result<Vec<T>, String> {
     let path = folder.join(format!("{name}.npy"));
     let length = fs::metadata(&path).map_err(|error| format!("{name}.npy: {error}"))?.len();
     if length > (most * row * size_of::<T>()) as u64 + HEADER_BYTES {

@@ -74,6 +74,8 @@ pub struct Registered {
     pub confidence: Vec<f64>,
     /// Where the scan was taken to.
     pub base_from_scan: Rigid,
+    /// Whether the scan's triangles were taken as facing inwards.
+    pub is_inside_out: bool,
     /// Mean distance of the base from the scan after the rigid motion alone, metres.
     pub aligned_m: f64,
     /// Triangles turned by more than 90 degrees against their surroundings' turn.
@@ -94,8 +96,6 @@ pub fn register(
     scan: &Scan,
     settings: &Settings,
 ) -> Result<Registered, StageError> {
-    /// Farther is as far as this, metres.
-    const FAR_M: f64 = 0.1;
     /// A scan that after its rigid motion lies farther from the base than this on average is another thing, metres.
     const OTHER_M: f64 = 0.06;
     let fault = |reason: String| StageError::new("register", reason);
@@ -110,7 +110,8 @@ pub fn register(
     // A scan whose triangles all face inwards fits better turned over.
     surface.turn_over();
     let (other, other_m) = align::align(base_m, &normals, &seen, &surface, &scan.landmarks, scan.knows_front);
-    if other_m < aligned_m {
+    let is_inside_out = other_m < aligned_m;
+    if is_inside_out {
         (motion, aligned_m) = (other, other_m);
     } else {
         surface.turn_over();
@@ -124,22 +125,43 @@ pub fn register(
     }
     let surface = surface.moved(|p| motion.place(p), |n| motion.rotation * n);
     let laid = deform::deform(base_m, triangles, &seen, &surface, settings)?;
-    let laid_normals = surface::smooth_normals(&laid.positions_m, triangles);
-    let to_scan_m = (0..base_m.len()).filter(|&v| seen[v]).map(|v| {
-        let hit = surface.nearest(laid.positions_m[v], FAR_M, |n| n.dot(laid_normals[v]) > 0.5);
-        hit.map_or(FAR_M, |hit| hit.distance_m)
-    });
-    let to_scan_m = to_scan_m.collect();
-    let whole = Surface::new(laid.positions_m.clone(), triangles.to_vec());
-    let from_scan_m =
-        surface.positions_m().iter().map(|&p| whole.nearest(p, FAR_M, |_| true).map_or(FAR_M, |hit| hit.distance_m));
+    let (to_scan_m, from_scan_m) = apart(&laid.positions_m, triangles, &seen, &surface);
     Ok(Registered {
-        from_scan_m: from_scan_m.collect(),
+        from_scan_m,
         to_scan_m,
         turned_over: laid.turned_over,
         confidence: laid.confidence,
         positions_m: laid.positions_m,
         base_from_scan: motion,
+        is_inside_out,
         aligned_m,
     })
+}
+
+/// How far a shape of the base and a scan that stands where the base does lie apart, as [`Registered::to_scan_m`] and
+/// [`Registered::from_scan_m`]: one measure for whoever laid the base on. The scan's triangles face as the base's do.
+#[must_use]
+pub fn distances_m(
+    base_m: &[DVec3],
+    laid_m: &[DVec3],
+    triangles: &[[u32; 3]],
+    scan: (&[DVec3], &[[u32; 3]]),
+) -> (Vec<f64>, Vec<f64>) {
+    let surface = Surface::new(scan.0.to_vec(), scan.1.to_vec());
+    apart(laid_m, triangles, &visible::seen(base_m, triangles), &surface)
+}
+
+fn apart(laid_m: &[DVec3], triangles: &[[u32; 3]], seen: &[bool], surface: &Surface) -> (Vec<f64>, Vec<f64>) {
+    /// Farther is as far as this, metres.
+    const FAR_M: f64 = 0.1;
+    let laid_normals = surface::smooth_normals(laid_m, triangles);
+    let to_scan_m = (0..laid_m.len()).filter(|&v| seen[v]).map(|v| {
+        let hit = surface.nearest(laid_m[v], FAR_M, |n| n.dot(laid_normals[v]) > 0.5);
+        hit.map_or(FAR_M, |hit| hit.distance_m)
+    });
+    let to_scan_m = to_scan_m.collect();
+    let whole = Surface::new(laid_m.to_vec(), triangles.to_vec());
+    let from_scan_m =
+        surface.positions_m().iter().map(|&p| whole.nearest(p, FAR_M, |_| true).map_or(FAR_M, |hit| hit.distance_m));
+    (to_scan_m, from_scan_m.collect())
 }
