@@ -18,7 +18,7 @@ const PACKAGES: Packages = Packages {
     folder: "peer-nricp",
     name: "trimesh",
     purpose: "comparing registrations",
-    does: "registers, too",
+    does: "registers scans",
     all: "trimesh, scipy, rtree and numpy (about 60 MB to load, 230 MB on disk, once)",
     load_mb: 60,
     system: "",
