@@ -28,6 +28,7 @@ mod motion;
 mod obj_text;
 mod pack;
 mod pose_rows;
+mod register;
 mod rigs;
 mod skinning;
 mod suggest;

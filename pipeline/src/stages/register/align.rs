@@ -2,15 +2,17 @@
 
 use super::rotation::Rigid;
 use super::surface::Surface;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 /// About so many vertices of the base look for their place in the scan.
-const SAMPLES: usize = 2000;
+const SAMPLES: usize = 800;
 /// How far they look, metres, round after round.
 const WITHIN_M: [f64; 6] = [0.4, 0.25, 0.15, 0.1, 0.06, 0.04];
 /// Steps of each round.
 const STEPS: usize = 6;
+/// Then so many steps towards planes, which let surfaces slide.
+const PLANE_STEPS: usize = 12;
 /// This share of the pairs counts, the nearest ones.
 const KEPT: f64 = 0.8;
 /// Farther is as far as this when starts are compared, metres.
@@ -60,6 +62,9 @@ pub(super) fn align(
             for _ in 0..STEPS {
                 motion = step(base_m, normals, &samples, scan, &motion, *within_m);
             }
+        }
+        for _ in 0..PLANE_STEPS {
+            motion = plane_step(base_m, normals, &samples, scan, &motion, WITHIN_M[WITHIN_M.len() - 1]);
         }
         let away_m = |&v: &usize| {
             pair(base_m, normals, v, scan, &motion, FAR_M)
@@ -112,4 +117,61 @@ fn step(
     pairs.truncate((KEPT * pairs.len() as f64) as usize);
     let (base, scan): (Vec<DVec3>, Vec<DVec3>) = pairs.into_iter().unzip();
     Rigid::between(&scan, &base, &vec![1.0; base.len()])
+}
+
+/// As [`step`], but towards the tangent planes of the base (Chen and Medioni 1991), with small angles.
+fn plane_step(
+    base_m: &[DVec3],
+    normals: &[DVec3],
+    samples: &[usize],
+    scan: &Surface,
+    motion: &Rigid,
+    within_m: f64,
+) -> Rigid {
+    let mut rows: Vec<([f64; 6], f64)> = Vec::new();
+    for &v in samples {
+        let Some((base, from)) = pair(base_m, normals, v, scan, motion, within_m) else { continue };
+        let (p, n) = (motion.place(from), normals[v]);
+        let turn = p.cross(n);
+        rows.push(([turn.x, turn.y, turn.z, n.x, n.y, n.z], n.dot(base - p)));
+    }
+    rows.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    rows.truncate((KEPT * rows.len() as f64) as usize);
+    let mut system = [[0.0; 7]; 6];
+    for (row, right) in &rows {
+        for i in 0..6 {
+            (0..6).for_each(|j| system[i][j] += row[i] * row[j]);
+            system[i][6] += row[i] * right;
+        }
+    }
+    let Some(x) = solved(system).filter(|_| rows.len() >= 50) else { return *motion };
+    let turn = DVec3::new(x[0], x[1], x[2]);
+    let angle = turn.length();
+    let rotation = if angle > 1e-12 { DMat3::from_quat(small_turn(turn / angle, angle)) } else { DMat3::IDENTITY };
+    Rigid { rotation, shift_m: DVec3::new(x[3], x[4], x[5]) }.after(motion)
+}
+
+fn small_turn(axis: DVec3, angle_rad: f64) -> DQuat {
+    let (sin, cos) = (libm::sin(0.5 * angle_rad), libm::cos(0.5 * angle_rad));
+    DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
+}
+
+/// Gaussian elimination of a symmetric positive definite system, its right side in the last column; `None` where it is singular.
+fn solved(mut system: [[f64; 7]; 6]) -> Option<[f64; 6]> {
+    for i in 0..6 {
+        let pivot = system[i];
+        if pivot[i].is_nan() || pivot[i] <= 1e-9 {
+            return None;
+        }
+        for row in system.iter_mut().skip(i + 1) {
+            let share = row[i] / pivot[i];
+            row.iter_mut().zip(pivot).for_each(|(to, from)| *to -= share * from);
+        }
+    }
+    let mut x = [0.0; 6];
+    for i in (0..6).rev() {
+        let known: f64 = (i + 1..6).map(|j| system[i][j] * x[j]).sum();
+        x[i] = (system[i][6] - known) / system[i][i];
+    }
+    Some(x)
 }

@@ -2,6 +2,7 @@
 
 use super::super::StageError;
 use super::Settings;
+use super::borders::{Borders, beyond_m, medians};
 use super::rotation::{nearest_rotation, outer};
 use super::surface::{Surface, border_edges, normals, smooth_normals};
 use super::visible::covers;
@@ -10,18 +11,17 @@ use kitsuke::sparse_cholesky::SparseCholesky;
 use rayon::prelude::*;
 
 /// Surfaces that face away from each other by more than this cosine are different layers.
-const SAME_WAY: f64 = 0.5;
-/// Borders that run or end in other directions than by these cosines are different borders.
-const ALONG: f64 = 0.7;
-const OUTWARD: f64 = 0.3;
-/// How much a pull counts in the directions in which cloth may slide: along a surface, along a border.
-const SLIDE: f64 = 0.02;
+pub(super) const SAME_WAY: f64 = 0.5;
 /// How much more a border counts than a place of the surface.
 const BORDER: f64 = 4.0;
+/// A border and what it finds must find each other within this and a share of their distance, metres.
+const BACK_M: f64 = 0.02;
 /// How much what lies over a hidden vertex pulls at it.
 const COVERED: f64 = 0.1;
 /// Every vertex is held where it is by so much, so that the equations always have one solution.
 const HELD: f64 = 1e-6;
+/// So often the surroundings of triangles that stayed turned over are smoothed towards the base's own shape.
+const UNTANGLINGS: usize = 40;
 
 pub(super) struct Laid {
     pub positions_m: Vec<DVec3>,
@@ -69,6 +69,8 @@ impl Pull {
 struct Reach {
     surface_m: f64,
     border_m: f64,
+    /// How much a pull counts in the directions in which cloth may slide: along a surface, along a border.
+    inertia: f64,
 }
 
 /// A symmetric matrix by rows.
@@ -156,19 +158,18 @@ pub(super) fn deform(
     };
     let base_bends: Vec<DVec3> = (0..count).map(|v| bend_of(v, base_m)).collect();
     let bends = bend_products(&near);
-    let borders = Borders::of(scan);
+    let borders = Borders::of(scan.positions_m(), scan.triangles(), scan.normals());
     let own_borders = border_edges(triangles);
 
     let mut places = base_m.to_vec();
     let mut weights = vec![0.0; count];
-    for round in 0..settings.rounds {
-        let share = round as f64 / (settings.rounds.max(2) - 1) as f64;
-        let between = |first: f64, last: f64| first * libm::pow(last / first, share);
-        let stiff = between(settings.stiff_first, settings.stiff_last);
-        let reach = Reach {
-            surface_m: between(settings.within_first_m, settings.within_last_m),
-            border_m: between(settings.border_first_m, settings.within_last_m),
-        };
+    let rounds = settings.phases.iter().flat_map(|phase| (0..phase.rounds).map(move |round| (phase, round)));
+    for (phase, round) in rounds {
+        let share = round as f64 / (phase.rounds.max(2) - 1) as f64;
+        let between = |[first, last]: [f64; 2]| first * libm::pow(last / first, share);
+        let stiff = between(phase.stiff);
+        let reach =
+            Reach { surface_m: between(phase.within_m), border_m: between(phase.border_m), inertia: phase.inertia };
         let stretch = stiff.sqrt() * settings.stretch;
         let mut entries: Vec<(u32, u32, f64)> = bends.iter().map(|&(a, b, value)| (a, b, stiff * value)).collect();
         for v in 0..count as u32 {
@@ -178,7 +179,7 @@ pub(super) fn deform(
         }
         let held = Matrix::new(count, &entries);
         let mut factor = None;
-        for _ in 0..settings.steps {
+        for _ in 0..phase.steps {
             let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
             let pulls = pulls(&places, triangles, seen, scan, &borders, &own_borders, reach);
             let mut right: Vec<DVec3> = vec![DVec3::ZERO; count];
@@ -229,9 +230,34 @@ pub(super) fn deform(
             solve(&held, &own, near, &right, &mut places);
         }
     }
-    let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
-    let turned_over = turned_over(base_m, &places, triangles, &turns);
-    Ok(Laid { positions_m: places, confidence: weights.into_iter().map(|w| w.min(1.0)).collect(), turned_over })
+    let mut turned = turned_over(
+        base_m,
+        &places,
+        triangles,
+        &turns(base_m, &places, &near, &base_normals, &normals(&places, triangles)),
+    );
+    for _ in 0..UNTANGLINGS {
+        if turned.is_empty() {
+            break;
+        }
+        let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
+        for v in around(&turned, triangles, &near) {
+            let mean = near[v].iter().map(|&n| places[n as usize]).sum::<DVec3>() / near[v].len() as f64;
+            places[v] = 0.5 * (places[v] + mean + turns[v] * base_bends[v]);
+        }
+        turned = turned_over(base_m, &places, triangles, &turns);
+    }
+    Ok(Laid { positions_m: places, confidence: weights.into_iter().map(|w| w.min(1.0)).collect(), turned_over: turned })
+}
+
+/// The corners of triangles and their neighbours, ascending.
+fn around(of: &[u32], triangles: &[[u32; 3]], near: &[Vec<u32>]) -> Vec<usize> {
+    let corners = of.iter().flat_map(|&t| triangles[t as usize]);
+    let mut all: Vec<usize> =
+        corners.flat_map(|v| near[v as usize].iter().copied().chain([v])).map(|v| v as usize).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// Triangles whose normal has turned by more than 90 degrees beyond the turn of their corners.
@@ -280,45 +306,6 @@ fn turns(base_m: &[DVec3], places: &[DVec3], near: &[Vec<u32>], from: &[DVec3], 
     (0..base_m.len()).into_par_iter().map(turn).collect()
 }
 
-/// The scan's borders as edges, each with the direction along it and the one out of the surface.
-struct Borders {
-    edges: Vec<(DVec3, DVec3)>,
-    outward: Vec<DVec3>,
-}
-
-impl Borders {
-    fn of(scan: &Surface) -> Borders {
-        let positions_m = scan.positions_m();
-        let (mut edges, mut outward) = (Vec::new(), Vec::new());
-        for [a, b] in border_edges(scan.triangles()) {
-            let (from, to) = (positions_m[a as usize], positions_m[b as usize]);
-            let normal = scan.normals()[a as usize] + scan.normals()[b as usize];
-            edges.push((from, to));
-            outward.push((to - from).cross(normal).normalize_or_zero());
-        }
-        Borders { edges, outward }
-    }
-
-    /// The nearest border of the same kind.
-    fn nearest(&self, from_m: DVec3, within_m: f64, along: DVec3, outward: DVec3) -> Option<(DVec3, f64)> {
-        let mut best = None;
-        let mut least = within_m;
-        for (&(a, b), &out) in self.edges.iter().zip(&self.outward) {
-            let edge = b - a;
-            let length = edge.length_squared();
-            if length == 0.0 || out.dot(outward) < OUTWARD || edge.dot(along).abs() < ALONG * length.sqrt() {
-                continue;
-            }
-            let place = a + edge * ((from_m - a).dot(edge) / length).clamp(0.0, 1.0);
-            let distance = place.distance(from_m);
-            if distance < least {
-                (best, least) = (Some((place, distance)), distance);
-            }
-        }
-        best
-    }
-}
-
 /// What pulls at each vertex that is seen.
 fn pulls(
     places: &[DVec3],
@@ -330,6 +317,7 @@ fn pulls(
     reach: Reach,
 ) -> Vec<Option<Pull>> {
     let normals = smooth_normals(places, triangles);
+    let own = Borders::of(places, triangles, &normals);
     let mut along = vec![DVec3::ZERO; places.len()];
     for &[a, b] in own_borders {
         let edge = (places[b as usize] - places[a as usize]).normalize_or_zero();
@@ -341,6 +329,13 @@ fn pulls(
         let away = distance_m / (0.5 * within_m);
         1.0 / ((1.0 + away * away) * (1.0 + away * away))
     };
+    let outwards = |v: usize| along[v].normalize_or_zero().cross(normals[v]).normalize_or_zero();
+    let end = |v: usize| {
+        let is_edge = seen[v] && along[v] != DVec3::ZERO;
+        is_edge.then(|| beyond_m(scan, places[v], normals[v], outwards(v), reach.border_m)).flatten()
+    };
+    let ends: Vec<Option<f64>> = (0..places.len()).into_par_iter().map(end).collect();
+    let ends = medians(&ends, own_borders, &along);
     let pull = |v: usize| {
         let (place, normal) = (places[v], normals[v]);
         if !seen[v] {
@@ -349,14 +344,29 @@ fn pulls(
         let direction = along[v].normalize_or_zero();
         if direction != DVec3::ZERO {
             let outward = direction.cross(normal).normalize_or_zero();
-            if let Some((to_m, distance)) = borders.nearest(place, reach.border_m, direction, outward) {
-                let weight = BORDER * trust(distance, reach.border_m);
-                return Some(Pull { to_m, weight, direction, shares: [SLIDE, 1.0] });
+            // A border of the scan belongs to the nearest border of the base, not to any that has it nearest.
+            if let Some(beyond_m) = ends[v] {
+                let weight = BORDER * trust(beyond_m.abs(), reach.border_m);
+                let to_m = place + outward * beyond_m;
+                return Some(Pull { to_m, weight, direction: outward, shares: [1.0, reach.inertia] });
+            }
+            let hit = borders.nearest(place, reach.border_m, direction, outward).filter(|hit| {
+                let back = own.nearest(hit.place_m, reach.border_m + 1.0, hit.along, hit.outward);
+                back.is_some_and(|back| back.place_m.distance(place) < BACK_M + 0.3 * hit.distance_m)
+            });
+            if let Some(hit) = hit {
+                let weight = BORDER * trust(hit.distance_m, reach.border_m);
+                return Some(Pull { to_m: hit.place_m, weight, direction: hit.along, shares: [reach.inertia, 1.0] });
             }
         }
         let hit = scan.nearest(place, reach.surface_m, |other| other.dot(normal) > SAME_WAY)?;
         let weight = trust(hit.distance_m, reach.surface_m);
-        (!hit.on_border).then_some(Pull { to_m: hit.place_m, weight, direction: hit.normal, shares: [1.0, SLIDE] })
+        (!hit.on_border).then_some(Pull {
+            to_m: hit.place_m,
+            weight,
+            direction: hit.normal,
+            shares: [1.0, reach.inertia],
+        })
     };
     (0..places.len()).into_par_iter().map(pull).collect()
 }

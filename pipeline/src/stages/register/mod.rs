@@ -1,11 +1,12 @@
 //! From a scan to a target: the base's own mesh is laid onto a scanned surface, so that every vertex stays the same point of cloth.
 //!
 //! First the scan is moved rigidly (`align`), then the base is deformed: nearest places that face the same way pull at what a scanner can
-//! see (`visible`), borders pull at borders, what lies hidden goes with what lies over it, and the base's own curvature holds all
-//! together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of Sorkine's Laplacian
-//! coordinates, turned along locally). Knows no file and no garment.
+//! see (`visible`), borders go to where the scan ends (`borders`), what lies hidden goes with what lies over it, and the base's own
+//! curvature holds all together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of
+//! Sorkine's Laplacian coordinates, turned along locally). Knows no file and no garment.
 
 mod align;
+mod borders;
 mod deform;
 mod rotation;
 pub(super) mod surface;
@@ -29,39 +30,51 @@ pub struct Scan {
     pub landmarks: Vec<(DVec3, DVec3)>,
 }
 
-/// How stiffly the base is laid on.
+/// Rounds that become looser and look less far. Pairs are the first round's and the last one's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// The stiffness of the first round: how much more a bend counts than a distance.
-    pub stiff_first: f64,
-    /// That of the last round.
-    pub stiff_last: f64,
+pub struct Phase {
     /// How many rounds.
     pub rounds: usize,
     /// Solutions of each round.
     pub steps: usize,
-    /// How far places are looked for in the first round, metres.
-    pub within_first_m: f64,
-    /// How far borders look for borders in the first round, metres: a hem lies elsewhere on a wearer of another height.
-    pub border_first_m: f64,
-    /// How far all look in the last round.
-    pub within_last_m: f64,
+    /// How much more a bend counts than a distance.
+    pub stiff: [f64; 2],
+    /// How far places are looked for, metres.
+    pub within_m: [f64; 2],
+    /// How far borders look for where the scan ends, metres: a hem lies elsewhere on a wearer of another height.
+    pub border_m: [f64; 2],
+    /// How much cloth is held against sliding along the scan: 0 slides freely, 1 counts like the distance itself.
+    pub inertia: f64,
+}
+
+/// How stiffly the base is laid on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// First cloth slides to where borders pull it, stiff enough to go as a whole; then it only goes into the scan's folds.
+    pub phases: [Phase; 2],
     /// How much stretch counts beside bend.
     pub stretch: f64,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings {
-            stiff_first: 3e4,
-            stiff_last: 1.0,
-            rounds: 12,
+        let slide = Phase {
+            rounds: 3,
             steps: 4,
-            within_first_m: 0.08,
-            border_first_m: 0.3,
-            within_last_m: 0.015,
-            stretch: 1e-3,
-        }
+            stiff: [3e6, 1e6],
+            within_m: [0.08, 0.05],
+            border_m: [0.2, 0.1],
+            inertia: 0.002,
+        };
+        let settle = Phase {
+            rounds: 5,
+            steps: 3,
+            stiff: [1e5, 1.0],
+            within_m: [0.05, 0.015],
+            border_m: [0.1, 0.015],
+            inertia: 1.0,
+        };
+        Settings { phases: [slide, settle], stretch: 1e-3 }
     }
 }
 
