@@ -60,7 +60,7 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
         };
         let make = || -> Result<Vec<f64>, String> {
             (workshop.tell)(&format!("{file}: cleaning and laying the base onto it"));
-            let python = environment::python(workshop.cache, &|line| (workshop.tell)(line));
+            let python = environment::python(workshop.cache, &environment::PYMESHLAB, &|line| (workshop.tell)(line));
             let python = python.map_err(|error| error.to_string())?;
             let cleaned = meshlab::clean(&python, &scan_m, &scan.mesh.triangles, &meshlab::Settings::default());
             let cleaned = cleaned.map_err(|error| error.to_string())?;
