@@ -58,8 +58,7 @@ struct NamedMesh<'a> {
 /// Turns what was read into a garment, or reports why that cannot be. What was absent in `source` is taken as
 /// reported already.
 pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment> {
-    let Source { folder, manifest, poses, sizes, mut meshes, scans: _, masks, body, paths, rules, texture_png } =
-        source;
+    let Source { folder, manifest, poses, sizes, mut meshes, scans, masks, body, paths, rules, texture_png } = source;
     let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
     check_id(&folder, report);
     let budget_m = check_budget(&manifest, &manifest_file, report);
@@ -165,7 +164,11 @@ pub fn check(source: Source, report: &mut Vec<Diagnostic>) -> Option<ir::Garment
         for (number, row) in table.rows.iter().enumerate().skip(1) {
             let Some(mesh) = mesh_of(&row.file) else { continue };
             let positions_m = mesh.mesh.positions.iter().map(place).collect();
-            let shape = size::check_shape(&reference, base_mesh, mesh, &row.file, positions_m, report);
+            let shape = match scans.contains_key(mesh.file) {
+                // It was made from the base, and `scans` has said what is wrong with it.
+                true => Some(size::shape(base_mesh, mesh, &row.file, positions_m)),
+                false => size::check_shape(&reference, base_mesh, mesh, &row.file, positions_m, report),
+            };
             rows.extend(shape.is_some().then_some(number));
             shapes.extend(shape);
         }

@@ -233,8 +233,13 @@ pub(super) fn check_shape(
     if !target::check_size(reference, shape, &positions_m, report) || !has_same_uv(base, shape, report) {
         return None;
     }
+    Some(self::shape(base, shape, file, positions_m))
+}
+
+/// A size's shape; without texture coordinates where the base has none.
+pub(super) fn shape(base: NamedMesh<'_>, shape: NamedMesh<'_>, file: &str, positions_m: Vec<Vec3>) -> ir::SizeShape {
     let uv = if base.mesh.is_textured() { shape.mesh.uv.clone() } else { Vec::new() };
-    Some(ir::SizeShape { file: file.to_owned(), positions_m, uv })
+    ir::SizeShape { file: file.to_owned(), positions_m, uv }
 }
 
 /// Whether the texture coordinates are those of the base, up to where on the cloth they are.
