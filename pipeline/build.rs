@@ -4,8 +4,9 @@
 use std::path::{Path, PathBuf};
 
 /// Relative to this crate.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 9] = [
     "src/meshlab",
+    "src/scans.rs",
     "src/build.rs",
     "src/ir.rs",
     "src/light.rs",

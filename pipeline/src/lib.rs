@@ -23,4 +23,4 @@ pub mod stages;
 pub use build::{Built, StageRun, build_garment};
 pub use draft::draft;
 pub use load::{Loaded, load, load_with};
-pub use scans::Workshop;
+pub use scans::{Laid, LaidScan, Workshop};

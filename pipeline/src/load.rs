@@ -1,7 +1,7 @@
 //! Source → Ir in one call. Knows neither stages nor packs.
 
 use crate::diagnostic::{self, Diagnostic, Severity};
-use crate::scans::{self, Workshop};
+use crate::scans::{self, LaidScan, Workshop};
 use crate::source::InputFile;
 use crate::{check, ir, source};
 use std::path::Path;
@@ -15,6 +15,8 @@ pub struct Loaded {
     pub diagnostics: Vec<Diagnostic>,
     /// Every file that was read, by path.
     pub inputs: Vec<InputFile>,
+    /// How its scans were laid on, by file.
+    pub scans: Vec<LaidScan>,
 }
 
 /// Reads and checks a garment folder without scans: all mistakes in one run.
@@ -28,12 +30,13 @@ pub fn load(garment_dir: &Path) -> Loaded {
 pub fn load_with(garment_dir: &Path, workshop: Option<&Workshop<'_>>) -> Loaded {
     let mut report = Vec::new();
     let (mut source, inputs) = source::read(garment_dir, &mut report);
+    let mut laid = Vec::new();
     if let Some(source) = &mut source {
-        scans::register(source, workshop, &mut report);
+        laid = scans::register(source, workshop, &mut report);
     }
     let garment = source.and_then(|source| check::check(source, &mut report));
     let diagnostics = diagnostic::sorted(report);
     let is_sound = diagnostics.iter().all(|diagnostic| diagnostic.severity != Severity::Error);
     assert_eq!(garment.is_some(), is_sound, "a garment is refused exactly when the reason is reported");
-    Loaded { garment, diagnostics, inputs }
+    Loaded { garment, diagnostics, inputs, scans: laid }
 }

@@ -4,14 +4,15 @@
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::{Key, Memo};
 use crate::meshlab::{self, environment};
-use crate::source::import::Axes;
-use crate::source::manifest::Up;
+use crate::source::import::{self, Placed, Unplaced};
+use crate::source::manifest::{self, Field, Up};
 use crate::source::sizes::{SizeRow, SizeTable};
 use crate::source::units::LengthUnit;
-use crate::source::{ScanFile, Source, in_metres, obj};
+use crate::source::{Source, in_metres, obj};
 use crate::stages::register::{self, Registered, Rigid};
 use glam::DVec3;
 use kitsuke::skeleton::Bone;
+use std::cell::OnceCell;
 use std::path::Path;
 
 /// Cloth within this of these joints rests on the shoulders, metres.
@@ -31,26 +32,56 @@ pub struct Workshop<'a> {
     pub tell: &'a (dyn Fn(&str) + Sync),
 }
 
-/// Puts shapes in the place of the scans among the sizes; reports why one cannot be made, or was made badly.
-pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &mut Vec<Diagnostic>) {
+/// A scan as it was laid on, and how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaidScan {
+    /// Its file, relative to the assets folder.
+    pub file: String,
+    /// The body of the row that names it, and the row's line.
+    pub body: String,
+    /// 1-based line of the size table.
+    pub line: u32,
+    /// The base's triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// What came out.
+    pub laid: Laid,
+}
+
+/// Why a scan could not be laid on.
+enum Fault {
+    /// There is no pymeshlab, which is said once for all scans.
+    NoMeshlab,
+    /// What is wrong, and what to do.
+    OfScan(String, &'static str),
+}
+
+/// Puts shapes in the place of the scans among the sizes and returns how they were laid on; reports why one cannot be made, or was made
+/// badly.
+pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &mut Vec<Diagnostic>) -> Vec<LaidScan> {
+    let mut all = Vec::new();
     if source.scans.is_empty() {
-        return;
+        return all;
     }
-    let Some((base_file, unit, up)) = frame(source) else { return };
-    let Some(base) = source.meshes.get(&base_file).filter(|base| !base.faces.is_empty()).cloned() else { return };
+    let Some((base_file, unit, up)) = frame(source) else { return all };
+    let Some(base) = source.meshes.get(&base_file).filter(|base| !base.faces.is_empty()).cloned() else { return all };
     let base_m: Vec<DVec3> = base.positions.iter().map(|&p| in_metres(p, unit, up)).collect();
     let triangles: Vec<[u32; 3]> =
         base.triangulate().corners.iter().map(|corners| corners.map(|corner| corner.vertex)).collect();
     let sizes = source.sizes.clone().unwrap_or_default();
+    let python = OnceCell::new();
     for (file, scan) in &source.scans {
         let row = sizes.rows.iter().skip(1).find(|row| source.folder.name_of(&row.file).as_ref() == Ok(file));
         let Some(row) = row else { continue };
         let fault =
             |problem: String, help: &str| Diagnostic::error("scan", file, Place::File).problem(problem).help(help);
-        let scan_m = match scan_m(scan) {
-            Ok(scan_m) => scan_m,
-            Err((problem, help)) => {
-                report.push(fault(problem, help));
+        let Placed { positions_m, knows_front } = match import::placed(&scan.mesh, &scan.said) {
+            Ok(placed) => placed,
+            Err(unplaced) => {
+                let help = match unplaced {
+                    Unplaced::NoUnit => "Write it in garment.toml, in its [[scan]]: unit = \"mm\", for example.",
+                    Unplaced::OneAxis => "Write two different axes in its [[scan]] in garment.toml.",
+                };
+                report.push(fault(unplaced.to_string(), help));
                 continue;
             }
         };
@@ -58,31 +89,39 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
             report.push(fault("scans are not cleaned here".to_owned(), "Check or build the kimono with cargo xtask."));
             continue;
         };
-        let make = || -> Result<Vec<f64>, String> {
+        let make = || -> Result<Vec<f64>, Fault> {
             (workshop.tell)(&format!("{file}: cleaning and laying the base onto it"));
-            let python = environment::python(workshop.cache, &environment::PYMESHLAB, &|line| (workshop.tell)(line));
-            let python = python.map_err(|error| error.to_string())?;
-            let cleaned = meshlab::clean(&python, &scan_m, &scan.mesh.triangles, &meshlab::Settings::default());
-            let cleaned = cleaned.map_err(|error| error.to_string())?;
+            let python = python.get_or_init(|| {
+                environment::python(workshop.cache, &environment::PYMESHLAB, &|line| (workshop.tell)(line))
+            });
+            let Ok(python) = python else { return Err(Fault::NoMeshlab) };
+            let cleaned = meshlab::clean(python, &positions_m, &scan.mesh.triangles, &meshlab::Settings::default());
+            let cleaned = cleaned.map_err(|error| {
+                Fault::OfScan(error.to_string(), "Mend or simplify the scan in another program and export it again.")
+            })?;
             let scan = register::Scan {
                 positions_m: cleaned.positions_m,
                 triangles: cleaned.triangles,
-                knows_front: knows_front(scan),
+                knows_front,
                 landmarks: Vec::new(),
             };
-            let laid = welded(&base_m, &triangles, &scan)?;
-            Ok(flat(&laid))
+            let laid = welded(&base_m, &triangles, &scan).map_err(|problem| {
+                Fault::OfScan(problem, "Say its unit and axes in garment.toml ([[scan]]); or lay the base onto it in another program and name the OBJ instead.")
+            })?;
+            Ok(Laid::new(laid, scan, &cleaned.report.borders).flat())
         };
+        let settings = (meshlab::Settings::default(), register::Settings::default());
         let key = Key::new("scan")
-            .text(&scan.blake3)
-            .text(&format!("{:?} {:?} {:?}", scan.unit, scan.up, scan.front))
-            .array(&base_m.iter().flat_map(|p| p.to_array()).collect::<Vec<f64>>())
-            .array(&triangles)
-            .text(&format!("{:?} {:?}", meshlab::Settings::default(), register::Settings::default()));
+            .array(&flat(&positions_m))
+            .array(&scan.mesh.triangles)
+            .text(&format!("{knows_front} {settings:?}"))
+            .array(&flat(&base_m))
+            .array(&triangles);
         let laid = match Memo::new(&workshop.cache.join("scans")).recall(&key, make) {
-            Ok((flat, _)) => Laid::of(&flat, base_m.len()),
-            Err(problem) => {
-                report.push(fault(problem, "Say its unit and axes in garment.toml ([[scan]]); or lay the base onto it in another program and name the OBJ instead."));
+            Ok((flat, _)) => Laid::of(&flat),
+            Err(Fault::NoMeshlab) => continue,
+            Err(Fault::OfScan(problem, help)) => {
+                report.push(fault(problem, help));
                 continue;
             }
         };
@@ -93,7 +132,19 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
             ..base.clone()
         };
         source.meshes.insert(file.clone(), mesh);
+        let (body, triangles) = (row.body.clone(), triangles.clone());
+        all.push(LaidScan { file: file.clone(), body, line: row.line, triangles, laid });
     }
+    if let Some(Err(error)) = python.get() {
+        let manifest_file = format!("{}/{}", source.folder.id(), manifest::FILE_NAME);
+        let first = source.manifest.scans.iter().find_map(|scan| scan.file.as_ref());
+        report.push(
+            Diagnostic::error("scan", manifest_file, first.map_or(Place::File, Field::place))
+                .problem(format!("the kimono's scans cannot be cleaned: {error}"))
+                .help("Or lay the base onto them on a machine that has it (cargo xtask register) and name the OBJ that comes out in the size table."),
+        );
+    }
+    all
 }
 
 /// The base's file, and the unit and axes of the garment's numbers.
@@ -103,32 +154,6 @@ fn frame(source: &Source) -> Option<(String, LengthUnit, Up)> {
     let unit = manifest.unit.as_ref().map_or(Some(LengthUnit::M), |unit| unit.get().copied())?;
     let up = manifest.up.as_ref().map_or(Some(Up::Y), |up| up.get().copied())?;
     Some((base, unit, up))
-}
-
-fn knows_front(scan: &ScanFile) -> bool {
-    scan.front.is_some() || scan.mesh.axes.is_some()
-}
-
-/// The scan in metres, Y up, front +Z.
-fn scan_m(scan: &ScanFile) -> Result<Vec<DVec3>, (String, &'static str)> {
-    let unit_m = scan.unit.map(LengthUnit::metres).or(scan.mesh.unit_m);
-    let help = "Write it in garment.toml, in its [[scan]]: unit = \"mm\", for example.";
-    let unit_m = unit_m.ok_or_else(|| ("the scan does not say its unit".to_owned(), help))?;
-    let axes = scan.up.map(|up| match up {
-        Up::Y => Axes { up: DVec3::Y, front: DVec3::Z },
-        Up::Z => Axes { up: DVec3::Z, front: DVec3::NEG_Y },
-    });
-    let mut axes = axes.or(scan.mesh.axes).unwrap_or(Axes { up: DVec3::Y, front: DVec3::Z });
-    if let Some(front) = scan.front {
-        axes.front = front;
-    }
-    if axes.up.dot(axes.front) != 0.0 {
-        let problem = "the scan's `up` and `front` are one axis".to_owned();
-        return Err((problem, "Write two different axes in its [[scan]] in garment.toml."));
-    }
-    let left = axes.up.cross(axes.front);
-    let place_m = |p: &DVec3| DVec3::new(p.dot(left), p.dot(axes.up), p.dot(axes.front)) * unit_m;
-    Ok(scan.mesh.positions.iter().map(place_m).collect())
 }
 
 /// The base laid onto a scan; vertices of the base at one place stay at one place, as in an export that is not welded.
@@ -162,49 +187,126 @@ fn welded(base_m: &[DVec3], triangles: &[[u32; 3]], scan: &register::Scan) -> Re
 }
 
 /// What is kept of a registration.
-struct Laid {
-    positions_m: Vec<DVec3>,
-    /// Mean distance after the rigid motion; 80 % of the scan lie nearer to the cloth; metres.
-    aligned_m: f64,
-    near_m: f64,
-    /// The share of the cloth that can be seen and was.
-    seen: f64,
-    turned: usize,
-}
-
-fn flat(laid: &Registered) -> Vec<f64> {
-    let mut distances_m = laid.from_scan_m.clone();
-    distances_m.sort_by(f64::total_cmp);
-    let near_m = distances_m.get(distances_m.len() * 4 / 5).copied().unwrap_or(0.0);
-    // `to_scan_m` has one entry per vertex that can be seen.
-    let seen = laid.confidence.iter().filter(|&&c| c > 0.5).count() as f64 / laid.to_scan_m.len().max(1) as f64;
-    let mut flat = vec![laid.aligned_m, near_m, seen, laid.turned_over.len() as f64];
-    flat.extend(laid.positions_m.iter().flat_map(|p| p.to_array()));
-    flat
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Laid {
+    /// The base's vertices in the scan's shape, where the base stands, metres.
+    pub positions_m: Vec<DVec3>,
+    /// How much each was seen in the scan, 0 to 1.
+    pub confidence: Vec<f64>,
+    /// The cleaned scan, moved to where the base stands, metres.
+    pub scan_m: Vec<DVec3>,
+    /// Its triangles.
+    pub scan_triangles: Vec<[u32; 3]>,
+    /// Mean distance after the rigid motion alone, metres.
+    pub aligned_m: f64,
+    /// From each vertex that can be seen to the scan, metres.
+    pub to_scan_m: Vec<f64>,
+    /// From each vertex of the scan to the cloth, metres.
+    pub from_scan_m: Vec<f64>,
+    /// How many triangles are turned over.
+    pub turned: usize,
+    /// Lengths of the borders that cleaning left open, the short ones (holes) and the long ones (openings such as a hem), metres.
+    pub holes_m: Vec<f64>,
+    /// See `holes_m`.
+    pub openings_m: Vec<f64>,
 }
 
 impl Laid {
-    fn of(flat: &[f64], count: usize) -> Laid {
-        let positions_m = flat[4..].chunks_exact(3).take(count).map(DVec3::from_slice).collect();
-        Laid { positions_m, aligned_m: flat[0], near_m: flat[1], seen: flat[2], turned: flat[3] as usize }
+    fn new(laid: Registered, scan: register::Scan, borders: &[meshlab::Border]) -> Laid {
+        let lengths_m = |is_hole: bool| {
+            let of_kind = borders.iter().filter(|border| border.is_hole == is_hole);
+            of_kind.map(|border| border.length_m).collect()
+        };
+        Laid {
+            scan_m: scan.positions_m.iter().map(|&p| laid.base_from_scan.place(p)).collect(),
+            scan_triangles: scan.triangles,
+            positions_m: laid.positions_m,
+            confidence: laid.confidence,
+            aligned_m: laid.aligned_m,
+            to_scan_m: laid.to_scan_m,
+            from_scan_m: laid.from_scan_m,
+            turned: laid.turned_over.len(),
+            holes_m: lengths_m(true),
+            openings_m: lengths_m(false),
+        }
+    }
+
+    /// The share of the vertices that a scanner can see and that were seen.
+    #[must_use]
+    pub fn seen(&self) -> f64 {
+        // `to_scan_m` has one entry per vertex that can be seen.
+        self.confidence.iter().filter(|&&c| c > 0.5).count() as f64 / self.to_scan_m.len().max(1) as f64
+    }
+
+    /// As numbers for the cache: each list with its length before it.
+    fn flat(&self) -> Vec<f64> {
+        let indices: Vec<f64> = self.scan_triangles.iter().flatten().map(|&v| f64::from(v)).collect();
+        let mut all = Vec::new();
+        for list in [
+            &[self.aligned_m, self.turned as f64][..],
+            &flat(&self.positions_m),
+            &self.confidence,
+            &flat(&self.scan_m),
+            &indices,
+            &self.to_scan_m,
+            &self.from_scan_m,
+            &self.holes_m,
+            &self.openings_m,
+        ] {
+            all.push(list.len() as f64);
+            all.extend(list);
+        }
+        all
+    }
+
+    /// From what [`Laid::flat`] gave: the cache holds it by its checksum.
+    fn of(mut flat: &[f64]) -> Laid {
+        let mut list = || {
+            let (length, rest) = flat.split_first().expect("each list has its length before it");
+            let (list, rest) = rest.split_at(*length as usize);
+            flat = rest;
+            list
+        };
+        let places = |list: &[f64]| list.chunks_exact(3).map(DVec3::from_slice).collect();
+        let figures = list();
+        Laid {
+            aligned_m: figures[0],
+            turned: figures[1] as usize,
+            positions_m: places(list()),
+            confidence: list().to_vec(),
+            scan_m: places(list()),
+            scan_triangles: list().chunks_exact(3).map(|t| [t[0] as u32, t[1] as u32, t[2] as u32]).collect(),
+            to_scan_m: list().to_vec(),
+            from_scan_m: list().to_vec(),
+            holes_m: list().to_vec(),
+            openings_m: list().to_vec(),
+        }
     }
 
     fn warning(&self, file: &str) -> Option<Diagnostic> {
-        if self.near_m <= NEAR_M && self.seen >= SEEN && self.turned == 0 {
+        let mut distances_m = self.from_scan_m.clone();
+        distances_m.sort_by(f64::total_cmp);
+        let near_m = distances_m.get(distances_m.len() * 4 / 5).copied().unwrap_or(0.0);
+        if near_m <= NEAR_M && self.seen() >= SEEN && self.turned == 0 {
             return None;
         }
         let problem = format!(
             "the scan was laid on badly in places: 80 % of it lie within {:.1} mm of the cloth, {:.0} % of the cloth that a scanner can see was seen, \
              {} triangles are turned over (rigidly laid on, it lay {:.0} mm away)",
-            1e3 * self.near_m,
-            100.0 * self.seen,
+            1e3 * near_m,
+            100.0 * self.seen(),
             self.turned,
             1e3 * self.aligned_m
         );
         Some(Diagnostic::warning("scan-quality", file, Place::File).problem(problem).help(
-            "Look at it: cargo xtask register ID SCAN --out FILE.obj --picture FILE.png. Scan again what is missing, or mend the shape by hand and name the OBJ instead.",
+            "Look at it in the report of the build, or with cargo xtask register ID SCAN --out FILE.obj --picture FILE.png. Scan again what is missing, or mend the shape by hand and name the OBJ instead.",
         ))
     }
+}
+
+/// The coordinates of places, one after the other.
+fn flat(places_m: &[DVec3]) -> Vec<f64> {
+    places_m.iter().flat_map(|p| p.to_array()).collect()
 }
 
 /// How a shape that stands where the base stands comes to its own wearer: its cloth over the shoulders lies on hers as the base's on the

@@ -30,6 +30,7 @@ mod pack;
 mod pose_rows;
 mod register;
 mod rigs;
+mod scans;
 mod skinning;
 mod suggest;
 mod tables_text;

@@ -2,15 +2,15 @@
 
 use crate::places::{Places, ended, say};
 use crate::registration_error::{Against, at_mm, mean_mm, read_truth};
-use crate::scans::ScanArgs;
+use crate::scans::{Registration, ScanArgs, registration};
 use glam::DVec3;
 use kitsuke_pipeline::meshlab::environment::{self, Packages};
 use kitsuke_pipeline::meshlab::script;
-use kitsuke_pipeline::stages::register::{Scan, Settings, distances_m, register};
+use kitsuke_pipeline::stages::register::distances_m;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const SCRIPT: &str = include_str!("../peers/nricp/nricp.py");
 const PACKAGES: Packages = Packages {
@@ -53,25 +53,12 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn compared(args: &Args) -> Result<(), String> {
-    let garment =
-        args.places.source(&args.id).ok_or_else(|| format!("{} has mistakes: cargo xtask check {0}", args.id))?;
-    let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
-    let triangles = &garment.base.triangles;
-    let truth = read_truth(&args.truth, base_m.len())?;
-    let scan = args.scan.read()?;
-    let cleaned = args.scan.clean(&scan)?;
     // Before anything long is computed.
     let python = environment::python(&args.scan.cache, &PACKAGES, &|line| say!("{line}"));
     let python = python.map_err(|error| error.to_string())?;
-    let scan = Scan {
-        positions_m: cleaned.positions_m,
-        triangles: cleaned.triangles,
-        knows_front: scan.knows_front,
-        landmarks: Vec::new(),
-    };
-    let started = Instant::now();
-    let laid = register(&base_m, triangles, &scan, &Settings::default()).map_err(|error| error.to_string())?;
-    let seconds = started.elapsed().as_secs_f64();
+    let Registration { garment, base_m, scan, laid, seconds, .. } = registration(&args.places, &args.id, &args.scan)?;
+    let triangles = &garment.base.triangles;
+    let truth = read_truth(&args.truth, base_m.len())?;
 
     // The peer has no search for a start: from where our deforming starts, both do the same task.
     let moved_m: Vec<DVec3> = scan.positions_m.iter().map(|&p| laid.base_from_scan.place(p)).collect();

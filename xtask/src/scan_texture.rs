@@ -4,7 +4,7 @@ use crate::places::{say, write_whole};
 use crate::scans::picture_of;
 use glam::{DVec3, Vec2, Vec3};
 use kitsuke_pipeline::ir;
-use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
+use kitsuke_pipeline::look::raster::{Camera, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
 use kitsuke_pipeline::look::texture::Texture;
 use kitsuke_pipeline::source::import::ImportedMesh;
@@ -142,12 +142,7 @@ fn look(base: &Base<'_>, scan: &Scan<'_>, baked: &Baked, own: Option<&image::Rgb
         Colours::Picture(..) => Vec::new(),
     };
     let mut cells = Vec::new();
-    for (name, side) in [("front", 1.0), ("behind", -1.0)] {
-        let camera = Camera {
-            eye_m: Vec3::new(0.0, 0.85, 4.0 * side),
-            target_m: Vec3::new(0.0, 0.85, 0.0),
-            lens: Lens::Orthographic { height_m: 1.7 },
-        };
+    for (name, camera) in Camera::front_and_behind() {
         let paint = match &scan_texture {
             Some(texture) => Paint::Textured(texture, &scan_split.uv),
             None => Paint::PerVertex(&colours),

@@ -1,14 +1,16 @@
 //! Scans as the verbs get them: a file of any kind we read, its unit and axes as the file or the command line says, metres out.
 
-use crate::places::say;
+use crate::places::{Places, say};
 use glam::DVec3;
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
+use kitsuke_pipeline::ir;
 use kitsuke_pipeline::meshlab::{self, Cleaned, Settings, environment};
-use kitsuke_pipeline::source::import::{self, ImportedMesh, Picture};
+use kitsuke_pipeline::source::import::{self, ImportedMesh, Picture, Placed, Said, Unplaced};
 use kitsuke_pipeline::source::picture;
 use kitsuke_pipeline::source::units::LengthUnit;
+use kitsuke_pipeline::stages::register::{self, Registered};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A scan and how it is read and cleaned, as options of a verb.
 #[derive(clap::Args)]
@@ -58,19 +60,15 @@ impl ScanArgs {
     /// Reads the file; what is wrong with it is printed or the error.
     pub fn read(&self) -> Result<Scan, String> {
         let mesh = imported(&self.file)?;
-        let file = self.file.display();
-        let unit_m = self.unit.map(LengthUnit::metres).or(mesh.unit_m);
-        let unit_m = unit_m.ok_or_else(|| format!("{file} does not say its unit: give it, for example --unit mm"))?;
-        let up = self.up.or(mesh.axes.map(|axes| axes.up)).unwrap_or(DVec3::Y);
-        let said = self.front.or(mesh.axes.map(|axes| axes.front));
-        let front = said.unwrap_or(if up == DVec3::Z { DVec3::NEG_Y } else { DVec3::Z });
-        if up.dot(front) != 0.0 {
-            return Err("up and front must be different axes".to_owned());
-        }
-        let left = up.cross(front);
-        let place_m = |p: &DVec3| DVec3::new(p.dot(left), p.dot(up), p.dot(front)) * unit_m;
-        let positions_m = mesh.positions.iter().map(place_m).collect();
-        Ok(Scan { mesh, positions_m, knows_front: said.is_some() })
+        let said = Said { unit: self.unit, up: self.up, front: self.front };
+        let Placed { positions_m, knows_front } = import::placed(&mesh, &said).map_err(|fault| {
+            let help = match fault {
+                Unplaced::NoUnit => "give it, for example --unit mm",
+                Unplaced::OneAxis => "give two different ones, for example --up z --front -y",
+            };
+            format!("{}: {fault}: {help}", self.file.display())
+        })?;
+        Ok(Scan { mesh, positions_m, knows_front })
     }
 
     /// Cleans it with pymeshlab.
@@ -86,6 +84,39 @@ impl ScanArgs {
         };
         meshlab::clean(&python, &scan.positions_m, &scan.mesh.triangles, &settings).map_err(|error| error.to_string())
     }
+}
+
+/// A kimono, a scan, and the one laid onto the other.
+pub struct Registration {
+    pub garment: ir::Garment,
+    /// The base's vertices, metres.
+    pub base_m: Vec<DVec3>,
+    /// The scan as it was cleaned.
+    pub scan: register::Scan,
+    /// The same with its colours, texture coordinates and parts.
+    pub coloured: ImportedMesh,
+    pub laid: Registered,
+    /// How long laying on took, without reading and cleaning.
+    pub seconds: f64,
+}
+
+/// Reads a kimono and a scan, cleans the scan and lays the kimono's base onto it.
+pub fn registration(places: &Places, id: &str, args: &ScanArgs) -> Result<Registration, String> {
+    let garment = places.source(id).ok_or_else(|| format!("{id} has mistakes: cargo xtask check {id}"))?;
+    let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
+    let read = args.read()?;
+    let cleaned = args.clean(&read)?;
+    let coloured = cleaned.carried(&read.mesh);
+    let scan = register::Scan {
+        positions_m: cleaned.positions_m,
+        triangles: cleaned.triangles,
+        knows_front: read.knows_front,
+        landmarks: Vec::new(),
+    };
+    let started = Instant::now();
+    let laid = register::register(&base_m, &garment.base.triangles, &scan, &register::Settings::default());
+    let laid = laid.map_err(|error| error.to_string())?;
+    Ok(Registration { garment, base_m, scan, coloured, laid, seconds: started.elapsed().as_secs_f64() })
 }
 
 /// The picture of a scan: in the file, or a file beside it or in a folder there.

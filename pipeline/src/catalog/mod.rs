@@ -7,6 +7,7 @@ mod emit;
 pub mod index;
 mod last_build;
 mod report;
+mod scan_report;
 
 use crate::build::{Built, StageRun, build_garment};
 use crate::diagnostic::{Diagnostic, Place};
@@ -340,7 +341,14 @@ impl Job<'_> {
                     report.diagnostics.extend(remainder_warnings(id, &built));
                     let entry = Entry::new(&built, target_bytes(&built.pack));
                     pack = Some(NewPack {
-                        report: report::html(&garment, &built, &entry, &report.diagnostics, &self.options.assets),
+                        report: report::html(
+                            &garment,
+                            &built,
+                            &entry,
+                            &loaded.scans,
+                            &report.diagnostics,
+                            &self.options.assets,
+                        ),
                         record: LastBuild {
                             builder: self.builder.to_owned(),
                             pack: entry.blake3.clone(),

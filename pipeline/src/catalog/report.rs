@@ -1,13 +1,15 @@
-//! The report of a build as one HTML file that needs nothing else: pictures, certificate, errors, regions, targets, warnings. What a CI job
-//! keeps. Knows the garment and what was built of it; the same build gives the same bytes.
+//! The report of a build as one HTML file that needs nothing else: pictures, certificate, errors, regions, targets, scans, warnings. What a CI
+//! job keeps. Knows the garment and what was built of it; the same build gives the same bytes.
 
 use super::index::{Entry, Index, TargetEntry};
+use super::scan_report;
 use crate::build::Built;
 use crate::diagnostic::{self, Diagnostic, Format, Severity};
 use crate::ir;
 use crate::look::frames::{Stage, own_poses};
 use crate::look::scene::{Colours, Figure, Framing, Scene, View};
 use crate::look::sheet::{Cell, contact_sheet, png_bytes};
+use crate::scans::LaidScan;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use kitsuke::arrays::Certificate;
@@ -26,7 +28,14 @@ const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;mar
 
 /// The report of one garment. `found` is what the artist was told.
 #[must_use]
-pub fn html(source: &ir::Garment, built: &Built, entry: &Entry, found: &[Diagnostic], assets: &Path) -> String {
+pub fn html(
+    source: &ir::Garment,
+    built: &Built,
+    entry: &Entry,
+    scans: &[LaidScan],
+    found: &[Diagnostic],
+    assets: &Path,
+) -> String {
     let mut body = String::new();
     let accessories = &built.accessories;
     let obi = accessories.obi.as_ref();
@@ -51,6 +60,7 @@ pub fn html(source: &ir::Garment, built: &Built, entry: &Entry, found: &[Diagnos
     body += &pictures(source, built);
     body += &certificate(built, entry);
     body += &targets(&entry.targets);
+    body += &scan_report::section(scans);
     body += "<h2>Measured paths</h2><table><tr><th>path<th><th>cm</tr>";
     for path in &accessories.paths {
         let length_cm = path.length_m(&built.garment.data().mesh.positions_m) * 100.0;
@@ -131,11 +141,14 @@ fn pictures(source: &ir::Garment, built: &Built) -> String {
             Cell { caption, picture }
         })
         .collect();
-    let Ok(png) = png_bytes(&contact_sheet(&cells, 4)) else { return String::new() };
-    format!(
-        "<h2>Pictures</h2><img alt=\"the base from three sides, its regions and joints, and the targets that the others predict worst\" src=\"data:image/png;base64,{}\">",
-        BASE64_STANDARD.encode(png)
-    )
+    let what = "the base from three sides, its regions and joints, and the targets that the others predict worst";
+    format!("<h2>Pictures</h2>{}", picture(&contact_sheet(&cells, 4), what))
+}
+
+/// A picture inside the page; nothing where it cannot be written.
+pub(super) fn picture(picture: &image::RgbImage, what: &str) -> String {
+    let Ok(png) = png_bytes(picture) else { return String::new() };
+    format!("<img alt=\"{}\" src=\"data:image/png;base64,{}\">", text(what), BASE64_STANDARD.encode(png))
 }
 
 fn certificate(built: &Built, entry: &Entry) -> String {
@@ -181,6 +194,6 @@ fn targets(entries: &[TargetEntry]) -> String {
 }
 
 /// Text as HTML has it.
-fn text(text: &str) -> String {
+pub(super) fn text(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -316,8 +316,10 @@ fn check_unused(folder: &Folder, table: &PoseTable, file: &str, used: &BTreeSet<
     let named: Option<BTreeSet<String>> = table.rows.iter().map(|row| folder.name_of(&row.file).ok()).collect();
     // Of a path that cannot be read nobody knows which file it means.
     let Some(named) = named else { return };
-    // Beside the base anything may lie.
-    let targets = named.iter().map(String::as_str).filter(|name| name.matches('/').count() > 1);
+    // Beside the base anything may lie, and what lies in the folder of another kimono is that one's.
+    let own = format!("{}/", folder.id());
+    let is_target = |name: &&str| name.strip_prefix(&own).is_some_and(|rest| rest.contains('/'));
+    let targets = named.iter().map(String::as_str).filter(is_target);
     // Where a named file is missing, one that lies there is said to be meant.
     let unused = if named.is_subset(used) { folder.unused(targets, used) } else { Vec::new() };
     if let Some(first) = unused.first() {

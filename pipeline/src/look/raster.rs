@@ -52,6 +52,18 @@ pub struct Camera {
     pub lens: Lens,
 }
 
+impl Camera {
+    /// Two that see a grown-up's kimono whole, each with its name.
+    #[must_use]
+    pub fn front_and_behind() -> [(&'static str, Camera); 2] {
+        [("front", 1.0), ("behind", -1.0)].map(|(name, side)| {
+            let eye_m = Vec3::new(0.0, 0.85, 4.0 * side);
+            let target_m = Vec3::new(0.0, 0.85, 0.0);
+            (name, Camera { eye_m, target_m, lens: Lens::Orthographic { height_m: 1.7 } })
+        })
+    }
+}
+
 /// The projection of a [`Camera`].
 #[derive(Clone, Copy, Debug)]
 pub enum Lens {

@@ -29,13 +29,13 @@ use causes::Causes;
 pub use folder::InputFile;
 use folder::{Folder, Similar};
 use glam::DVec3;
-use import::ImportedMesh;
+use import::{ImportedMesh, Said};
 use kitsuke::arrays::limits;
 use kitsuke::tailoring::RuleSet;
 use manifest::{Field, Manifest, Up};
 use rayon::prelude::*;
 use sizes::SizeTable;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use tables::PoseTable;
 use units::LengthUnit;
@@ -73,14 +73,8 @@ pub struct Source {
 pub struct ScanFile {
     /// As in the file.
     pub mesh: ImportedMesh,
-    /// Hash of the file's bytes.
-    pub blake3: String,
-    /// Its unit.
-    pub unit: Option<LengthUnit>,
-    /// Its axis that points up.
-    pub up: Option<Up>,
-    /// Its axis that points to the front.
-    pub front: Option<DVec3>,
+    /// Its unit and axes.
+    pub said: Said,
 }
 
 /// What a file is read as.
@@ -246,7 +240,11 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
         poses.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&poses_name, row.line, &row.file));
     let shapes = sizes.iter().flat_map(|table| table.rows.iter().skip(1)).map(|row| (&sizes_name, row.line, &row.file));
     let rows = targets.map(|row| (row, false)).chain(shapes.map(|row| (row, true)));
+    let mut idle: BTreeSet<&String> = scans.iter().collect();
     for ((table, line, file), is_size) in rows {
+        if let Ok(name) = folder.name_of(file) {
+            idle.remove(&name);
+        }
         let (place, cited_in) = (Place::Line(line), table.as_ref().map(|(name, _)| name.clone()).unwrap_or_default());
         match folder.name_of(file) {
             Ok(name) if scans.contains(&name) && is_size => {}
@@ -262,6 +260,15 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
                     .help("Name a file inside the assets folder, relative to the garment folder, with `/`."),
             ),
         }
+    }
+    // Of tables that cannot be read nobody knows what they name.
+    let is_known = sizes.is_some() || manifest.sizes.is_none();
+    for scan in references.iter().filter(|cited| is_known && cited.role == Role::Scan && idle.contains(&cited.name)) {
+        report.push(
+            Diagnostic::warning("unused-file", &manifest_file, scan.place.clone())
+                .problem(format!("no row of the size table names the scan {}", scan.name))
+                .help("Add a row for it to the size table, or remove its [[scan]]."),
+        );
     }
     Some((folder, Head { manifest, poses, sizes, references, inputs }))
 }
@@ -433,7 +440,7 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
     let mut inputs = head.inputs;
     for (path, (decoded, mut found, blake3)) in files {
         report.append(&mut found);
-        inputs.push(InputFile { path: path.clone(), blake3: blake3.clone() });
+        inputs.push(InputFile { path: path.clone(), blake3 });
         match decoded {
             Decoded::Scan(mesh) => {
                 let said = source.manifest.scans.iter().find(|said| {
@@ -442,9 +449,12 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
                 });
                 if let (Some(mesh), Some(said)) = (mesh, said) {
                     let unit = said.unit.as_ref().and_then(|unit| unit.get().copied());
-                    let up = said.up.as_ref().and_then(|up| up.get().copied());
+                    let up = said.up.as_ref().and_then(|up| up.get()).map(|up| match up {
+                        Up::Y => DVec3::Y,
+                        Up::Z => DVec3::Z,
+                    });
                     let front = said.front.as_ref().and_then(|front| front.get()).map(|axis| axis.0);
-                    source.scans.insert(path, ScanFile { mesh: *mesh, blake3, unit, up, front });
+                    source.scans.insert(path, ScanFile { mesh: *mesh, said: Said { unit, up, front } });
                 }
             }
             Decoded::Mesh(mesh) => source.meshes.extend(mesh.map(|mesh| (path, mesh))),

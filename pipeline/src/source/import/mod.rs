@@ -5,6 +5,7 @@ mod assembly;
 mod fbx;
 mod gltf;
 mod obj;
+mod placed;
 mod ply;
 mod soundness;
 
@@ -15,6 +16,7 @@ use glam::{DVec3, Vec2};
 use std::io;
 use std::path::Path;
 
+pub use placed::{Placed, Said, Unplaced, placed};
 pub use soundness::Soundness;
 
 /// Longest file that is read, bytes.
