@@ -3,7 +3,7 @@
 
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::{Key, Memo};
-use crate::meshlab::{self, environment};
+use crate::meshlab::{self, MeshlabError, environment};
 use crate::source::import::{self, Placed, Unplaced};
 use crate::source::manifest::{self, Field, Up};
 use crate::source::sizes::{SizeRow, SizeTable};
@@ -23,6 +23,10 @@ const NEAR_M: f64 = 0.004;
 /// And when at least this share of the cloth that a scanner can see was seen.
 const SEEN: f64 = 0.7;
 
+/// What to do where pymeshlab is not to be had.
+const ELSEWHERE: &str = "Build the kimono on a machine that has it; or lay the base onto its scans there (cargo xtask register) and name the OBJ that comes out \
+                         in the size table.";
+
 /// Where scans are cleaned.
 #[derive(Clone, Copy)]
 pub struct Workshop<'a> {
@@ -37,7 +41,7 @@ pub struct Workshop<'a> {
 pub struct LaidScan {
     /// Its file, relative to the assets folder.
     pub file: String,
-    /// The body of the row that names it, and the row's line.
+    /// The body of the row that names it.
     pub body: String,
     /// 1-based line of the size table.
     pub line: u32,
@@ -96,8 +100,12 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
             });
             let Ok(python) = python else { return Err(Fault::NoMeshlab) };
             let cleaned = meshlab::clean(python, &positions_m, &scan.mesh.triangles, &meshlab::Settings::default());
-            let cleaned = cleaned.map_err(|error| {
-                Fault::OfScan(error.to_string(), "Mend or simplify the scan in another program and export it again.")
+            let cleaned = cleaned.map_err(|error| match error {
+                MeshlabError::Unfit(_) | MeshlabError::TimedOut { .. } => Fault::OfScan(
+                    error.to_string(),
+                    "Mend or simplify the scan in another program and export it again.",
+                ),
+                _ => Fault::OfScan(error.to_string(), ELSEWHERE),
             })?;
             let scan = register::Scan {
                 positions_m: cleaned.positions_m,
@@ -141,7 +149,7 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
         report.push(
             Diagnostic::error("scan", manifest_file, first.map_or(Place::File, Field::place))
                 .problem(format!("the kimono's scans cannot be cleaned: {error}"))
-                .help("Or lay the base onto them on a machine that has it (cargo xtask register) and name the OBJ that comes out in the size table."),
+                .help(ELSEWHERE),
         );
     }
     all
@@ -195,7 +203,7 @@ pub struct Laid {
     pub confidence: Vec<f64>,
     /// The cleaned scan, moved to where the base stands, metres.
     pub scan_m: Vec<DVec3>,
-    /// Its triangles.
+    /// Its triangles, facing as the base's do.
     pub scan_triangles: Vec<[u32; 3]>,
     /// Mean distance after the rigid motion alone, metres.
     pub aligned_m: f64,
@@ -205,9 +213,9 @@ pub struct Laid {
     pub from_scan_m: Vec<f64>,
     /// How many triangles are turned over.
     pub turned: usize,
-    /// Lengths of the borders that cleaning left open, the short ones (holes) and the long ones (openings such as a hem), metres.
+    /// Lengths of the borders that cleaning left open, metres: the short ones.
     pub holes_m: Vec<f64>,
-    /// See `holes_m`.
+    /// The long ones.
     pub openings_m: Vec<f64>,
 }
 
@@ -217,9 +225,10 @@ impl Laid {
             let of_kind = borders.iter().filter(|border| border.is_hole == is_hole);
             of_kind.map(|border| border.length_m).collect()
         };
+        let facing = |[a, b, c]: [u32; 3]| if laid.is_inside_out { [a, c, b] } else { [a, b, c] };
         Laid {
             scan_m: scan.positions_m.iter().map(|&p| laid.base_from_scan.place(p)).collect(),
-            scan_triangles: scan.triangles,
+            scan_triangles: scan.triangles.into_iter().map(facing).collect(),
             positions_m: laid.positions_m,
             confidence: laid.confidence,
             aligned_m: laid.aligned_m,

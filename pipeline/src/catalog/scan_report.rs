@@ -14,7 +14,10 @@ pub fn section(scans: &[LaidScan]) -> String {
     if scans.is_empty() {
         return String::new();
     }
-    let mut section = String::from("<h2>Scans</h2><p>Sizes that were made of scans. Distances in mm, at most 100.</p>");
+    let mut section = String::from(
+        "<h2>Scans</h2><p>Sizes that were made of scans: the base was laid onto each. Distances in mm, at most 100. Pictures: the scan (yellow) and the cloth (blue) at one \
+         place; the scan, red where it lies 10 mm from the cloth; the cloth, red where it was not seen.</p>",
+    );
     for LaidScan { file, body, line, triangles, laid } in scans {
         let _ = write!(section, "<h3>{}</h3>{}", text(file), figures(laid, body, *line));
         let pictures = laid_on::pictures(

@@ -30,7 +30,8 @@ pub struct LaidOn<'a> {
     pub from_scan_m: &'a [f64],
 }
 
-/// Pictures from the front, then from behind, [`COLUMNS`] each, of so many pixels each way.
+/// Pictures from the front, then from behind, [`COLUMNS`] each, of so many pixels each way: the scan (yellow) and the cloth (blue) at one
+/// place; the scan by its distance from the cloth; the cloth by what was seen of it.
 ///
 /// # Panics
 /// When the arrays do not belong together.
@@ -46,9 +47,9 @@ pub fn pictures(laid: &LaidOn<'_>, side_px: u32) -> Vec<Cell> {
             let picture = render(shapes, &camera, [side_px; 2], BACKGROUND);
             cells.push(Cell { caption: format!("{caption}, {name}"), picture });
         };
-        draw("blue cloth, yellow scan", &both);
-        draw("scan, red 10 mm from the cloth", &[scan.shape(Paint::PerVertex(&from_scan))]);
-        draw("cloth, red not seen", &[cloth.shape(Paint::PerVertex(&unseen))]);
+        draw("scan over cloth", &both);
+        draw("scan, 10 mm red", &[scan.shape(Paint::PerVertex(&from_scan))]);
+        draw("cloth, unseen red", &[cloth.shape(Paint::PerVertex(&unseen))]);
     }
     cells
 }
