@@ -142,7 +142,7 @@ fn look(base: &Base<'_>, scan: &Scan<'_>, baked: &Baked, own: Option<&image::Rgb
         Colours::Picture(..) => Vec::new(),
     };
     let mut cells = Vec::new();
-    for (name, camera) in Camera::front_and_behind() {
+    for (name, camera) in Camera::front_and_behind(&base.positions_m) {
         let paint = match &scan_texture {
             Some(texture) => Paint::Textured(texture, &scan_split.uv),
             None => Paint::PerVertex(&colours),

@@ -42,7 +42,7 @@ pub fn pictures(laid: &LaidOn<'_>, side_px: u32) -> Vec<Cell> {
     let (cloth, scan) = (Surface::new(laid.cloth_m, laid.triangles), Surface::new(laid.scan_m, laid.scan_triangles));
     let both = [cloth.shape(Paint::Plain(CLOTH)), scan.shape(Paint::Plain(SCAN))];
     let mut cells = Vec::new();
-    for (name, camera) in Camera::front_and_behind() {
+    for (name, camera) in Camera::front_and_behind(&cloth.positions_m) {
         let mut draw = |caption: &str, shapes: &[Shape<'_>]| {
             let picture = render(shapes, &camera, [side_px; 2], BACKGROUND);
             cells.push(Cell { caption: format!("{caption}, {name}"), picture });

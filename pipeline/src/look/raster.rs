@@ -53,13 +53,17 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Two that see a grown-up's kimono whole, each with its name.
+    /// Two that see all of these places (metres) in square pictures, each with its name.
     #[must_use]
-    pub fn front_and_behind() -> [(&'static str, Camera); 2] {
-        [("front", 1.0), ("behind", -1.0)].map(|(name, side)| {
-            let eye_m = Vec3::new(0.0, 0.85, 4.0 * side);
-            let target_m = Vec3::new(0.0, 0.85, 0.0);
-            (name, Camera { eye_m, target_m, lens: Lens::Orthographic { height_m: 1.7 } })
+    pub fn front_and_behind(places_m: &[Vec3]) -> [(&'static str, Camera); 2] {
+        const MARGIN_M: f32 = 0.05;
+        let least_m = places_m.iter().copied().reduce(Vec3::min).unwrap_or(Vec3::ZERO);
+        let most_m = places_m.iter().copied().reduce(Vec3::max).unwrap_or(Vec3::ONE);
+        let (target_m, size_m) = ((least_m + most_m) / 2.0, most_m - least_m);
+        let height_m = size_m.x.max(size_m.y) + 2.0 * MARGIN_M;
+        [("front", Vec3::Z), ("behind", Vec3::NEG_Z)].map(|(name, side)| {
+            let eye_m = target_m + side * (size_m.z + MARGIN_M);
+            (name, Camera { eye_m, target_m, lens: Lens::Orthographic { height_m } })
         })
     }
 }
