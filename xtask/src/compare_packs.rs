@@ -40,8 +40,9 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn compare(args: &Args) -> Result<String, String> {
-    let source = args.places.source(&args.id).ok_or("there is nothing to compare with")?;
-    let built = build_garment(&source, &Memo::new(&args.cache), &|_| ()).map_err(|error| error.to_string())?;
+    let source = args.places.source_with(&args.id, &args.cache).ok_or("there is nothing to compare with")?;
+    let memo = Memo::new(&args.cache.join("stages"));
+    let built = build_garment(&source, &memo, &|_| ()).map_err(|error| error.to_string())?;
     let wanted_m = masked_deltas(&source, &built);
     let errors_mm = errors_mm(&built, &wanted_m);
     let error_mm = f64::from(errors_mm.iter().flatten().copied().fold(0.0, f32::max));

@@ -67,13 +67,17 @@ impl Places {
 
     /// What a garment was made from; `None`, with a printed line, where that cannot be read.
     pub fn source(&self, id: &str) -> Option<ir::Garment> {
+        self.source_with(id, &in_workspace("target/kitsuke-cache"))
+    }
+
+    /// [`Places::source`] for a verb that was told where earlier results lie.
+    pub fn source_with(&self, id: &str, cache: &Path) -> Option<ir::Garment> {
         let dir = self.assets.join(id);
         if !dir.is_dir() {
             eprintln!("note: {} does not exist, so texture, wearer and target files are left out", dir.display());
             return None;
         }
-        let cache = in_workspace("target/kitsuke-cache");
-        let workshop = Workshop { cache: &cache, tell: &|line| eprintln!("note: {id}: {line}") };
+        let workshop = Workshop { cache, tell: &|line| eprintln!("note: {id}: {line}") };
         let garment = kitsuke_pipeline::load_with(&dir, Some(&workshop)).garment;
         if garment.is_none() {
             eprintln!(

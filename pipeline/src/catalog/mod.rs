@@ -173,7 +173,9 @@ pub fn build(options: &Options, progress: &dyn Progress) -> Result<Report, Catal
     let job = Job { options, index: &old, builder: &builder, memo: &memo, progress };
     let results: Vec<(GarmentReport, Option<NewPack>)> =
         ids.par_iter().map(|id| job.build(id)).collect::<Result<_, _>>()?;
-    memo.trim();
+    for folder in ["stages", "scans"] {
+        Memo::new(&options.cache.join(folder)).trim();
+    }
 
     let mut new = old.clone();
     if options.ids.is_empty() {

@@ -108,7 +108,7 @@ fn bench(args: &Args) -> Result<(), String> {
         note("tailor_ms_median", json!(rounded(tailor_ms(garment, &fit)?)));
     }
     if let Some(source) = args.places.source(&args.garment) {
-        let memo = Memo::new(&in_workspace("target/kitsuke-cache"));
+        let memo = Memo::new(&in_workspace("target/kitsuke-cache/stages"));
         let built = build_garment(&source, &memo, &|_| ()).map_err(|error| error.to_string())?;
         let wanted_m = compare_packs::masked_deltas(&source, &built);
         note("pack_target_max_mm", json!(compare_packs::target_max_mm(&built, &wanted_m)));
