@@ -98,8 +98,12 @@ pub fn run(command: &mut Command) -> String {
 #[must_use]
 pub fn ffi_library() -> PathBuf {
     let folder = libraries();
-    let profile = folder.file_name().unwrap().to_str().unwrap();
-    let profile = if profile == "debug" { "dev" } else { profile };
+    // Two profiles share a folder (Cargo.toml).
+    let profile = match (folder.file_name().unwrap().to_str().unwrap(), cfg!(debug_assertions)) {
+        ("debug", _) => "dev",
+        ("release", true) => "bench",
+        (other, _) => other,
+    };
     let mut cargo = Command::new(env!("CARGO"));
     cargo.current_dir(repository()).args(["build", "--quiet", "-p", "kitsuke-ffi", "--lib", "--profile", profile]);
     run(cargo.arg("--target-dir").arg(folder.parent().unwrap()));

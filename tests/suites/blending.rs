@@ -1,27 +1,27 @@
 //! The default kernel on the sample kimono: exact at its samples, smooth between them, better than the other ways of
 //! blending at shapes that it has not seen. The figures are measured here, not read from the pack.
 
+use super::build::WHOLE;
 use glam::Vec3;
 use kitsuke::pose_blend::Kernel;
 use kitsuke::skeleton::{Bone, Pose};
-use kitsuke::{Frame, Garment, Rates, Scratch, evaluate};
+use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate};
+use kitsuke_pipeline::ir;
 use kitsuke_pipeline::look::frames::{Blend, Distance, Stage, in_source_order, own_poses};
 use kitsuke_pipeline::measure::audit::audit;
 use kitsuke_pipeline::measure::certificate::{Smoothness, fastest, keep_budgets, smoothness};
 use kitsuke_pipeline::measure::leave_one_out::{Error, Method, Unseen, errors, unseen_errors};
 use kitsuke_pipeline::measure::pose_space::poses;
-use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::stages::correctives::without_correctives;
-use kitsuke_pipeline::{build_garment, ir};
 use std::path::Path;
 use std::sync::LazyLock;
 
+/// The sample's folder and the kimono in its pack.
 pub(super) static KOMON: LazyLock<(ir::Garment, Garment)> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
     let source = kitsuke_pipeline::load(&folder).garment.expect("the sample has no mistakes");
-    let cache = tempfile::tempdir().unwrap();
-    let built = build_garment(&source, &Memo::new(cache.path()), &|_| {}).unwrap();
-    (source, built.garment)
+    let pack = Pack::open(&WHOLE.files["packs/komon.kitsuke"]).unwrap();
+    (source, pack.into_garment())
 });
 
 #[test]

@@ -1,4 +1,5 @@
-//! The catalog: what is built, what is left alone, what is written. Runs on the sample kimono as it is committed.
+//! The catalog: what is built, what is left alone, what is written. Runs on the sample kimono as it is committed, where its numbers
+//! matter, and on the tube, which takes no time, where they do not.
 
 use kitsuke::skeleton::Bone;
 use kitsuke_pipeline::catalog::index::{self, Entry};
@@ -8,7 +9,7 @@ use kitsuke_pipeline::{Built, build_garment, ir};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{LazyLock, Mutex};
 use std::time::SystemTime;
 use tempfile::TempDir;
 
@@ -31,6 +32,18 @@ impl Place {
         place
     }
 
+    /// With the small tube instead, once for each ID.
+    fn tubes(ids: &[&str]) -> Place {
+        let place = Place { folder: tempfile::tempdir().unwrap() };
+        let garments = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments");
+        copy(&garments.join("bodies"), &place.assets().join("bodies"));
+        copy(&garments.join("rules"), &place.assets().join("rules"));
+        for id in ids {
+            copy(&garments.join("tube"), &place.assets().join(id));
+        }
+        place
+    }
+
     /// With the sample kimono and three of its targets: as true as the whole, and built in a fraction of the time.
     fn small() -> Place {
         let place = Place::whole();
@@ -40,6 +53,26 @@ impl Place {
             rows.map(|row| format!("{row}\n")).collect()
         });
         place
+    }
+
+    /// [`Place::small`] after its first build, which is made once and copied, and what that build said had changed.
+    fn small_and_built() -> (Place, &'static [String]) {
+        type Written = BTreeMap<PathBuf, Vec<u8>>;
+        static FIRST: LazyLock<(Vec<String>, Written)> = LazyLock::new(|| {
+            let place = Place::small();
+            let report = place.build(Mode::Write);
+            let written = [place.catalog(), place.cache()].iter().flat_map(|folder| files(folder)).collect::<Vec<_>>();
+            let named = |path: PathBuf| path.strip_prefix(place.folder.path()).unwrap().to_owned();
+            (report.changes, written.into_iter().map(|(path, (bytes, _))| (named(path), bytes)).collect())
+        });
+        let place = Place::small();
+        let (changes, written) = &*FIRST;
+        for (path, bytes) in written {
+            let path = place.folder.path().join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, bytes).unwrap();
+        }
+        (place, changes)
     }
 
     fn assets(&self) -> PathBuf {
@@ -122,35 +155,52 @@ fn runs(garment: &GarmentReport, origin: Origin) -> Vec<String> {
     runs.map(|run| [run.stage, run.target.as_deref().unwrap_or_default()].join(" ").trim().to_owned()).collect()
 }
 
+/// What a build of the whole sample wrote into the catalog, and said.
+pub(super) struct Whole {
+    pub files: BTreeMap<&'static str, Vec<u8>>,
+    index: index::Index,
+    report: Report,
+}
+
+/// Built once for all suites, as it lies in the work tree, on several threads.
+pub(super) static WHOLE: LazyLock<Whole> =
+    LazyLock::new(|| whole(&repository().join("assets-src"), rayon::current_num_threads().max(2)));
+
+fn whole(assets: &Path, threads: usize) -> Whole {
+    let place = tempfile::tempdir().unwrap();
+    let [catalog, cache] = ["catalog", "cache"].map(|name| place.path().join(name));
+    let ids = vec!["komon".to_owned()];
+    let options = Options { assets: assets.to_owned(), catalog, cache, ids, mode: Mode::Write, emit: None };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let report = pool.install(|| catalog::build(&options, &Silent)).unwrap();
+    let names = ["index.toml", "packs/komon.kitsuke", "reports/komon.html", "reports/index.html"];
+    let files = names.map(|name| (name, fs::read(options.catalog.join(name)).unwrap())).into();
+    Whole { files, index: index::read(&options.catalog.join("index.toml")).unwrap().0, report }
+}
+
 #[test]
 fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
-    let build = |threads: usize| {
-        let place = Place::whole();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let report = pool.install(|| place.build(Mode::Write));
-        (place, report)
-    };
-    let ((one, report), (two, _)) = (build(1), build(2));
-    let komon = entry(&report.garments[0]);
+    let (one, many) = (whole(&Place::whole().assets(), 1), &*WHOLE);
+    let komon = entry(&one.report.garments[0]);
     assert_eq!(komon.targets.len(), 54);
     for target in &komon.targets {
         assert!(target.max_mm <= 0.25, "{}: {} mm", target.name, target.max_mm);
         assert!(target.mean_mm <= 0.05, "{}: {} mm on average", target.name, target.mean_mm);
     }
     for file in ["index.toml", "packs/komon.kitsuke", "reports/komon.html"] {
-        let bytes = |place: &Place| fs::read(place.catalog().join(file)).unwrap();
-        assert!(bytes(&one) == bytes(&two), "{file} differs between one thread and two");
+        assert!(one.files[file] == many.files[file], "{file} differs between one thread and several");
     }
     // The report needs nothing else, and the page beside it links it.
-    let report = fs::read_to_string(one.catalog().join("reports/komon.html")).unwrap();
+    let text = |file: &str| str::from_utf8(&one.files[file]).unwrap();
+    let report = text("reports/komon.html");
     let asked: Vec<&str> = report.match_indices("src=\"").map(|(at, _)| &report[at + 5..at + 27]).collect();
     assert_eq!(asked, ["data:image/png;base64,"]);
     assert!(!report.contains("href") && report.contains("No warnings.") && report.contains("<td>袖丈<td>"));
     assert!(komon.targets.iter().all(|target| report.contains(&format!("<td>{}<td>", target.name))));
-    assert!(fs::read_to_string(one.catalog().join("reports/index.html")).unwrap().contains("href=\"komon.html\""));
+    assert!(text("reports/index.html").contains("href=\"komon.html\""));
     let committed = index::read(&repository().join("catalog/index.toml")).unwrap().0;
     assert_eq!(
-        index::differences(&committed, &index::read(&one.catalog().join("index.toml")).unwrap().0),
+        index::differences(&committed, &one.index),
         [""; 0],
         "catalog/index.toml is stale: run cargo xtask build-catalog and commit it"
     );
@@ -158,9 +208,8 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
 
 #[test]
 fn a_second_build_changes_nothing() {
-    let place = Place::small();
-    let first = place.build(Mode::Write);
-    assert_eq!(first.changes, ["komon: is not in the index"]);
+    let (place, first_changes) = Place::small_and_built();
+    assert_eq!(first_changes, ["komon: is not in the index"]);
     let written = place.written();
     let second = place.build(Mode::Write);
     assert!(matches!(second.garments[0].outcome, Outcome::UpToDate), "{:?}", second.garments[0]);
@@ -170,8 +219,7 @@ fn a_second_build_changes_nothing() {
 
 #[test]
 fn an_edited_target_rebuilds_only_what_depends_on_it() {
-    let place = Place::small();
-    place.build(Mode::Write);
+    let (place, _) = Place::small_and_built();
     place.nudge("komon/poses/13_right_elbow_90.obj");
     let report = place.build(Mode::Write);
     let komon = &report.garments[0];
@@ -204,7 +252,7 @@ fn an_entry_that_lacks_a_figure_counts_as_not_built() {
             self.0.lock().unwrap().push(text.to_owned());
         }
     }
-    let place = Place::small();
+    let place = Place::tubes(&["komon"]);
     place.build(Mode::Write);
     let index = place.catalog().join("index.toml");
     let whole = fs::read_to_string(&index).unwrap();
@@ -229,8 +277,7 @@ fn an_entry_that_lacks_a_figure_counts_as_not_built() {
 
 #[test]
 fn locked_refuses_a_change_of_the_index_and_check_writes_nothing() {
-    let place = Place::small();
-    place.build(Mode::Write);
+    let (place, _) = Place::small_and_built();
     place.nudge("komon/poses/03_both_down.obj");
     let written = place.written();
     for mode in [Mode::Locked, Mode::Check] {
@@ -251,7 +298,7 @@ fn locked_refuses_a_change_of_the_index_and_check_writes_nothing() {
 
 #[test]
 fn leftovers_of_a_killed_build_and_a_damaged_cache_do_no_harm() {
-    let place = Place::small();
+    let place = Place::tubes(&["komon"]);
     place.build(Mode::Write);
     let written = place.written();
     let half = &b"half a file"[..];
@@ -277,10 +324,7 @@ fn leftovers_of_a_killed_build_and_a_damaged_cache_do_no_harm() {
 
 #[test]
 fn garments_come_and_go_and_fail_one_by_one() {
-    let place = Place::small();
-    for id in ["tsumugi", "yukata"] {
-        copy(&place.assets().join("komon"), &place.assets().join(id));
-    }
+    let place = Place::tubes(&["komon", "tsumugi", "yukata"]);
     let outcomes = |report: &Report| -> Vec<(String, bool)> {
         let built = |outcome: &Outcome| matches!(outcome, Outcome::Built(_));
         report.garments.iter().map(|garment| (garment.id.clone(), built(&garment.outcome))).collect()
@@ -291,8 +335,8 @@ fn garments_come_and_go_and_fail_one_by_one() {
 
     // Two faults in one run: both are told, the good one is built, and nobody loses an entry.
     place.edit("tsumugi/garment.toml", |text| text.replace("base.obj", "missing.obj"));
-    place.edit("yukata/poses/03_both_down.obj", |text| text.replacen("v ", "v NaN ", 1));
-    place.nudge("komon/poses/03_both_down.obj");
+    place.edit("yukata/poses/02_left_down.obj", |text| text.replacen("v ", "v NaN ", 1));
+    place.nudge("komon/poses/02_left_down.obj");
     let report = place.build(Mode::Write);
     assert_eq!(outcomes(&report), [("komon".into(), true), ("tsumugi".into(), false), ("yukata".into(), false)]);
     assert!(report.garments[1..].iter().all(|garment| !garment.diagnostics.is_empty()));
@@ -315,16 +359,17 @@ fn garments_come_and_go_and_fail_one_by_one() {
     assert!(error.contains("no garment komom") && error.ends_with("did you mean komon?"), "{error}");
 }
 
+/// With what its build remembers, so that this one takes little.
 fn built_sample(place: &Place) -> (ir::Garment, Built) {
     let loaded = kitsuke_pipeline::load(&place.assets().join("komon"));
     let garment = loaded.garment.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
-    let built = build_garment(&garment, &Memo::new(&place.cache()), &|_| {}).unwrap();
+    let built = build_garment(&garment, &Memo::new(&place.cache().join("stages")), &|_| {}).unwrap();
     (garment, built)
 }
 
 #[test]
 fn the_skirt_follows_both_thighs_alike_and_sleeves_follow_the_arms() {
-    let (garment, built) = built_sample(&Place::small());
+    let (garment, built) = built_sample(&Place::small_and_built().0);
     let skeleton = &built.garment.data().skeleton;
     let weight = |vertex: usize, bones: &[Bone]| -> f64 {
         let skin = built.skin[vertex];
@@ -374,17 +419,26 @@ fn a_garment_is_named_by_its_id_or_its_folder() {
     assert!(other.contains("no garment elsewhere/komon"), "{other}");
 }
 
+#[test]
+fn a_build_ends_with_a_cache_of_no_more_than_its_limit() {
+    let place = Place::tubes(&["tube"]);
+    let forgotten = ["stages", "scans"].map(|folder| place.cache().join(folder).join("old.memo"));
+    for file in &forgotten {
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        // Sparse: it takes no room.
+        fs::File::create(file).unwrap().set_len((1 << 30) + 1).unwrap();
+    }
+    place.build(Mode::Write);
+    for file in &forgotten {
+        assert!(!file.exists(), "{} is still there", file.display());
+    }
+}
+
 /// Each build reads the index, adds its garment and writes it: at the same time they would lose each other's.
 #[test]
 fn builds_at_the_same_time_keep_each_other_s_entries() {
-    let place = Place { folder: tempfile::tempdir().unwrap() };
-    let garments = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments");
-    copy(&garments.join("bodies"), &place.assets().join("bodies"));
-    copy(&garments.join("rules"), &place.assets().join("rules"));
     let ids = ["a", "b", "c", "d"];
-    for id in ids {
-        copy(&garments.join("tube"), &place.assets().join(id));
-    }
+    let place = Place::tubes(&ids);
     std::thread::scope(|scope| {
         for id in ids {
             let options = Options { ids: vec![id.to_owned()], ..place.options(Mode::Write) };
@@ -397,7 +451,7 @@ fn builds_at_the_same_time_keep_each_other_s_entries() {
 
 #[test]
 fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
-    let place = Place::small();
+    let (place, _) = Place::small_and_built();
     place.edit("komon/garment.toml", |text| {
         // Nobody painted the legs.
         let (arms, _) = text.split_once("[[driver]]\nname = \"leftUpperLeg\"").unwrap();

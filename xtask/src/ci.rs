@@ -5,13 +5,25 @@ use std::process::{Command, ExitCode};
 /// One step: its name, the arguments of cargo, and what is added to the environment.
 type Step = (&'static str, &'static [&'static str], &'static [(&'static str, &'static str)]);
 
-/// Formatting, lints, every test and documentation.
+/// Formatting, lints, every test and documentation. In the profile `bench`, so that what `cargo xtask` itself was compiled from serves again.
 const STEPS: &[Step] = &[
     ("format", &["fmt", "--all", "--check"], &[]),
-    ("lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"], &[]),
-    ("tests", &["test", "--workspace"], &[("INSTA_UPDATE", "no")]),
-    ("runtime without features", &["check", "--package", "kitsuke", "--no-default-features"], &[]),
-    ("documentation", &["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", "-D warnings")]),
+    (
+        "lints",
+        &["clippy", "--workspace", "--all-targets", "--profile", "bench", "--quiet", "--", "-D", "warnings"],
+        &[],
+    ),
+    ("tests", &["test", "--workspace", "--profile", "bench"], &[("INSTA_UPDATE", "no")]),
+    (
+        "runtime without features",
+        &["check", "--package", "kitsuke", "--no-default-features", "--profile", "bench"],
+        &[],
+    ),
+    (
+        "documentation",
+        &["doc", "--workspace", "--no-deps", "--profile", "bench", "--quiet"],
+        &[("RUSTDOCFLAGS", "-D warnings")],
+    ),
 ];
 
 /// Run exactly what CI runs after the catalog is built
