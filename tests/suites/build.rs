@@ -198,7 +198,9 @@ fn the_sample_is_exact_and_the_same_on_any_threads_in_any_folder() {
     assert!(!report.contains("href") && report.contains("No warnings.") && report.contains("<td>袖丈<td>"));
     assert!(komon.targets.iter().all(|target| report.contains(&format!("<td>{}<td>", target.name))));
     assert!(text("reports/index.html").contains("href=\"komon.html\""));
-    let committed = index::read(&repository().join("catalog/index.toml")).unwrap().0;
+    // Other garments of the catalog are compared by `build-catalog --locked`.
+    let mut committed = index::read(&repository().join("catalog/index.toml")).unwrap().0;
+    committed.retain(|id, _| id == "komon");
     assert_eq!(
         index::differences(&committed, &one.index),
         [""; 0],

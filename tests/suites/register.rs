@@ -108,7 +108,7 @@ fn a_base_takes_a_scans_shape_and_what_is_hidden_goes_along() {
     assert!(seen < 0.006, "{seen}");
     let under_flap = 0.6 * (TURNS - 1.0) / TURNS;
     let hidden = mean(errors_m.iter().zip(&places).filter(|(_, (u, _))| *u < under_flap).map(|(e, _)| *e));
-    assert!(hidden < 0.006, "{hidden}");
+    assert!(hidden < 0.007, "{hidden}");
     for ((u, v), confidence) in places.iter().zip(&one.confidence) {
         assert!(*confidence == 0.0 || !((0.52..0.56).contains(u) && (0.45..0.55).contains(v)), "{u} {v} {confidence}");
     }

@@ -102,7 +102,8 @@ pub struct Registration {
 
 /// Reads a kimono and a scan, cleans the scan and lays the kimono's base onto it.
 pub fn registration(places: &Places, id: &str, args: &ScanArgs) -> Result<Registration, String> {
-    let garment = places.source(id).ok_or_else(|| format!("{id} has mistakes: cargo xtask check {id}"))?;
+    let garment =
+        places.source_with(id, &args.cache).ok_or_else(|| format!("{id} has mistakes: cargo xtask check {id}"))?;
     let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
     let read = args.read()?;
     let cleaned = args.clean(&read)?;

@@ -17,8 +17,6 @@ const STEP_M: f64 = 0.005;
 const OFF_M: f64 = 0.002;
 /// So many steps in turn may miss: scans are torn near their borders.
 const MISSES: usize = 2;
-/// So many neighbours on each side say with a border vertex where the scan ends.
-const HOPS: usize = 6;
 
 /// Long borders as edges, each with the directions along it and out of the surface. A scan's borders are ragged: directions are those of a
 /// longer stretch.
@@ -142,37 +140,4 @@ pub(super) fn beyond_m(scan: &Surface, place: DVec3, normal: DVec3, outward: DVe
         }
     }
     None
-}
-
-/// Each border vertex' distance as the median of those around it on the border.
-pub(super) fn medians(of: &[Option<f64>], borders: &[[u32; 2]], along: &[DVec3]) -> Vec<Option<f64>> {
-    let mut next = vec![u32::MAX; of.len()];
-    let mut before = vec![u32::MAX; of.len()];
-    for &[a, b] in borders {
-        next[a as usize] = b;
-        before[b as usize] = a;
-    }
-    let median = |v: usize| {
-        if along[v] == DVec3::ZERO {
-            return None;
-        }
-        let direction = along[v].normalize_or_zero();
-        let mut all: Vec<f64> = of[v].into_iter().collect();
-        let mut count = 1;
-        for way in [&next, &before] {
-            let mut at = v;
-            for _ in 0..HOPS {
-                let to = way[at];
-                if to == u32::MAX || along[to as usize].normalize_or_zero().dot(direction) < ALONG {
-                    break;
-                }
-                at = to as usize;
-                count += 1;
-                all.extend(of[at]);
-            }
-        }
-        all.sort_by(f64::total_cmp);
-        (2 * all.len() >= count).then(|| all[all.len() / 2])
-    };
-    (0..of.len()).map(median).collect()
 }

@@ -2,7 +2,8 @@
 
 use super::super::StageError;
 use super::Settings;
-use super::borders::{Borders, beyond_m, medians};
+use super::borders::Borders;
+use super::rims::{self, Lying, Rims};
 use super::rotation::{nearest_rotation, outer};
 use super::surface::{Surface, border_edges, normals, smooth_normals};
 use super::visible::covers;
@@ -12,10 +13,10 @@ use rayon::prelude::*;
 
 /// Surfaces that face away from each other by more than this cosine are different layers.
 pub(super) const SAME_WAY: f64 = 0.5;
-/// How much more a border counts than a place of the surface.
-const BORDER: f64 = 4.0;
-/// A border and what it finds must find each other within this and a share of their distance, metres.
-const BACK_M: f64 = 0.02;
+/// However near the end, the base's borders look so far for where the scan ends, and what they find so far is trusted, metres: a whole run
+/// says it.
+const BORDER_FROM_M: f64 = 0.05;
+const BORDER_TRUST_M: f64 = 0.1;
 /// How much what lies over a hidden vertex pulls at it.
 const COVERED: f64 = 0.1;
 /// Every vertex is held where it is by so much, so that the equations always have one solution.
@@ -69,6 +70,8 @@ impl Pull {
 struct Reach {
     surface_m: f64,
     border_m: f64,
+    /// How much more a border counts than a place of the surface.
+    border: f64,
     /// How much a pull counts in the directions in which cloth may slide: along a surface, along a border.
     inertia: f64,
 }
@@ -159,7 +162,7 @@ pub(super) fn deform(
     let base_bends: Vec<DVec3> = (0..count).map(|v| bend_of(v, base_m)).collect();
     let bends = bend_products(&near);
     let borders = Borders::of(scan.positions_m(), scan.triangles(), scan.normals());
-    let own_borders = border_edges(triangles);
+    let rims = Rims::of(base_m, &border_edges(triangles));
 
     let mut places = base_m.to_vec();
     let mut weights = vec![0.0; count];
@@ -168,8 +171,12 @@ pub(super) fn deform(
         let share = round as f64 / (phase.rounds.max(2) - 1) as f64;
         let between = |[first, last]: [f64; 2]| first * libm::pow(last / first, share);
         let stiff = between(phase.stiff);
-        let reach =
-            Reach { surface_m: between(phase.within_m), border_m: between(phase.border_m), inertia: phase.inertia };
+        let reach = Reach {
+            surface_m: between(phase.within_m),
+            border_m: between(phase.border_m),
+            border: phase.border,
+            inertia: phase.inertia,
+        };
         let stretch = stiff.sqrt() * settings.stretch;
         let mut entries: Vec<(u32, u32, f64)> = bends.iter().map(|&(a, b, value)| (a, b, stiff * value)).collect();
         for v in 0..count as u32 {
@@ -181,7 +188,7 @@ pub(super) fn deform(
         let mut factor = None;
         for _ in 0..phase.steps {
             let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
-            let pulls = pulls(&places, triangles, seen, scan, &borders, &own_borders, reach);
+            let pulls = pulls(&places, triangles, seen, scan, &borders, &rims, reach);
             let mut right: Vec<DVec3> = vec![DVec3::ZERO; count];
             let mut own: Vec<DMat3> = vec![DMat3::from_diagonal(DVec3::splat(HELD)); count];
             for v in 0..count {
@@ -313,51 +320,26 @@ fn pulls(
     seen: &[bool],
     scan: &Surface,
     borders: &Borders,
-    own_borders: &[[u32; 2]],
+    rims: &Rims,
     reach: Reach,
 ) -> Vec<Option<Pull>> {
     let normals = smooth_normals(places, triangles);
-    let own = Borders::of(places, triangles, &normals);
-    let mut along = vec![DVec3::ZERO; places.len()];
-    for &[a, b] in own_borders {
-        let edge = (places[b as usize] - places[a as usize]).normalize_or_zero();
-        along[a as usize] += edge;
-        along[b as usize] += edge;
-    }
     // Trust fades with distance (Geman and McClure).
     let trust = |distance_m: f64, within_m: f64| {
         let away = distance_m / (0.5 * within_m);
         1.0 / ((1.0 + away * away) * (1.0 + away * away))
     };
-    let outwards = |v: usize| along[v].normalize_or_zero().cross(normals[v]).normalize_or_zero();
-    let end = |v: usize| {
-        let is_edge = seen[v] && along[v] != DVec3::ZERO;
-        is_edge.then(|| beyond_m(scan, places[v], normals[v], outwards(v), reach.border_m)).flatten()
-    };
-    let ends: Vec<Option<f64>> = (0..places.len()).into_par_iter().map(end).collect();
-    let ends = medians(&ends, own_borders, &along);
+    let lying = Lying { places, triangles, normals: &normals, seen };
+    let ends = rims::ends(rims, &lying, scan, borders, reach.border_m.max(BORDER_FROM_M));
     let pull = |v: usize| {
         let (place, normal) = (places[v], normals[v]);
         if !seen[v] {
             return None;
         }
-        let direction = along[v].normalize_or_zero();
-        if direction != DVec3::ZERO {
-            let outward = direction.cross(normal).normalize_or_zero();
-            // A border of the scan belongs to the nearest border of the base, not to any that has it nearest.
-            if let Some(beyond_m) = ends[v] {
-                let weight = BORDER * trust(beyond_m.abs(), reach.border_m);
-                let to_m = place + outward * beyond_m;
-                return Some(Pull { to_m, weight, direction: outward, shares: [1.0, reach.inertia] });
-            }
-            let hit = borders.nearest(place, reach.border_m, direction, outward).filter(|hit| {
-                let back = own.nearest(hit.place_m, reach.border_m + 1.0, hit.along, hit.outward);
-                back.is_some_and(|back| back.place_m.distance(place) < BACK_M + 0.3 * hit.distance_m)
-            });
-            if let Some(hit) = hit {
-                let weight = BORDER * trust(hit.distance_m, reach.border_m);
-                return Some(Pull { to_m: hit.place_m, weight, direction: hit.along, shares: [reach.inertia, 1.0] });
-            }
+        if let Some(rim) = ends[v] {
+            let weight = reach.border * trust(rim.beyond_m.abs(), reach.border_m.max(BORDER_TRUST_M));
+            let to_m = place + rim.outward * rim.beyond_m;
+            return Some(Pull { to_m, weight, direction: rim.outward, shares: [1.0, reach.inertia] });
         }
         let hit = scan.nearest(place, reach.surface_m, |other| other.dot(normal) > SAME_WAY)?;
         let weight = trust(hit.distance_m, reach.surface_m);

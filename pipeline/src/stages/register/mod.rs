@@ -1,13 +1,14 @@
 //! From a scan to a target: the base's own mesh is laid onto a scanned surface, so that every vertex stays the same point of cloth.
 //!
 //! First the scan is moved rigidly (`align`), then the base is deformed: nearest places that face the same way pull at what a scanner can
-//! see (`visible`), borders go to where the scan ends (`borders`), what lies hidden goes with what lies over it, and the base's own
+//! see (`visible`), borders go to where the scan ends (`borders`, `rims`), what lies hidden goes with what lies over it, and the base's own
 //! curvature holds all together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of
 //! Sorkine's Laplacian coordinates, turned along locally). Knows no file and no garment.
 
 mod align;
 mod borders;
 mod deform;
+mod rims;
 mod rotation;
 pub(super) mod surface;
 mod visible;
@@ -43,6 +44,8 @@ pub struct Phase {
     pub within_m: [f64; 2],
     /// How far borders look for where the scan ends, metres: a hem lies elsewhere on a wearer of another height.
     pub border_m: [f64; 2],
+    /// How much more a border counts than a place of the surface: first it says where cloth slides to, then it only agrees.
+    pub border: f64,
     /// How much cloth is held against sliding along the scan: 0 slides freely, 1 counts like the distance itself.
     pub inertia: f64,
 }
@@ -64,6 +67,7 @@ impl Default for Settings {
             stiff: [3e6, 1e6],
             within_m: [0.08, 0.05],
             border_m: [0.2, 0.1],
+            border: 4.0,
             inertia: 0.002,
         };
         let settle = Phase {
@@ -72,6 +76,7 @@ impl Default for Settings {
             stiff: [1e5, 1.0],
             within_m: [0.05, 0.015],
             border_m: [0.1, 0.015],
+            border: 1.0,
             inertia: 1.0,
         };
         Settings { phases: [slide, settle], stretch: 1e-3 }
