@@ -4,6 +4,7 @@
 use crate::diagnostic::{Diagnostic, Place};
 use crate::memo::{Key, Memo};
 use crate::meshlab::{self, MeshlabError, environment};
+use crate::source::folder::Folder;
 use crate::source::import::{self, Placed, Unplaced};
 use crate::source::manifest::{self, Field, Up};
 use crate::source::sizes::{SizeRow, SizeTable};
@@ -78,7 +79,7 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
         let Some(row) = row else { continue };
         let fault =
             |problem: String, help: &str| Diagnostic::error("scan", file, Place::File).problem(problem).help(help);
-        let Placed { positions_m, knows_front } = match import::placed(&scan.mesh, &scan.said) {
+        let Placed { positions_m, knows_front, metres_from_file } = match import::placed(&scan.mesh, &scan.said) {
             Ok(placed) => placed,
             Err(unplaced) => {
                 let help = match unplaced {
@@ -89,6 +90,20 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
                 continue;
             }
         };
+        let wrong = report.len();
+        let landmarks: Vec<(DVec3, DVec3)> = scan
+            .landmarks
+            .iter()
+            .map(|(place, landmark)| {
+                let base = in_metres(landmark.base.into(), unit, up);
+                let in_scan = metres_from_file * DVec3::from(landmark.scan);
+                report.extend(far_landmark(&source.folder, place, (base, &base_m), (in_scan, &positions_m)));
+                (base, in_scan)
+            })
+            .collect();
+        if report.len() > wrong {
+            continue;
+        }
         let Some(workshop) = workshop else {
             report.push(fault("scans are not cleaned here".to_owned(), "Check or build the kimono with cargo xtask."));
             continue;
@@ -111,7 +126,7 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
                 positions_m: cleaned.positions_m,
                 triangles: cleaned.triangles,
                 knows_front,
-                landmarks: Vec::new(),
+                landmarks: landmarks.clone(),
             };
             let laid = welded(&base_m, &triangles, &scan).map_err(|problem| {
                 Fault::OfScan(problem, "Say its unit and axes in garment.toml ([[scan]]); or lay the base onto it in another program and name the OBJ instead.")
@@ -122,7 +137,7 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
         let key = Key::new("scan")
             .array(&flat(&positions_m))
             .array(&scan.mesh.triangles)
-            .text(&format!("{knows_front} {settings:?}"))
+            .text(&format!("{knows_front} {settings:?} {landmarks:?}"))
             .array(&flat(&base_m))
             .array(&triangles);
         let laid = match Memo::new(&workshop.cache.join("scans")).recall(&key, make) {
@@ -153,6 +168,29 @@ pub fn register(source: &mut Source, workshop: Option<&Workshop<'_>>, report: &m
         );
     }
     all
+}
+
+/// What is wrong with a landmark that lies far from the base or the scan that it is a place of.
+fn far_landmark(
+    folder: &Folder,
+    place: &Place,
+    (base_m, of_base_m): (DVec3, &[DVec3]),
+    (scan_m, of_scan_m): (DVec3, &[DVec3]),
+) -> Option<Diagnostic> {
+    /// A scan may have a hole where the landmark would be, and be torn around it.
+    const FAR_M: f64 = 0.1;
+    let away_m = |at: DVec3, all: &[DVec3]| all.iter().map(|p| p.distance(at)).fold(f64::INFINITY, f64::min);
+    for (name, at, all) in [("base", base_m, of_base_m), ("scan", scan_m, of_scan_m)] {
+        let away_m = away_m(at, all);
+        if away_m > FAR_M || away_m.is_nan() {
+            let problem = format!("the landmark's `{name}` lies {:.0} mm from the {name}", 1e3 * away_m);
+            let manifest_file = format!("{}/{}", folder.id(), manifest::FILE_NAME);
+            return Some(Diagnostic::error("scan-landmark", manifest_file, place.clone()).problem(problem).help(
+                "Write x, y and z as they stand in the file itself, in its own unit and axes; programs that turn a file upright on import show others.",
+            ));
+        }
+    }
+    None
 }
 
 /// The base's file, and the unit and axes of the garment's numbers.

@@ -133,3 +133,21 @@ fn another_thing_is_refused() {
     let error = laid(&Scan::default()).unwrap_err().to_string();
     assert!(error.contains("there is none"), "{error}");
 }
+
+#[test]
+fn a_landmark_comes_to_lie_where_it_was_seen() {
+    // A point in the middle of the cloth, said to lie 12 mm farther along the cloth than it does: only a landmark can move it so.
+    let (u, v) = (0.75, 0.5);
+    let said = stands().place(place(u + 0.012 / (place(u + 0.01, v, 1.0).distance(place(u, v, 1.0)) * 100.0), v, 1.0));
+    let known = [(0.3, 0.1), (0.6, 0.9), (0.9, 0.2)].map(|(u, v)| (place(u, v, 0.0), stands().place(place(u, v, 1.0))));
+    let mark = place(u, v, 0.0);
+    let base = base().0;
+    let vertex = (0..base.len()).min_by(|&a, &b| base[a].distance(mark).total_cmp(&base[b].distance(mark))).unwrap();
+    let away_m = |landmarks: Vec<(DVec3, DVec3)>| {
+        let laid = laid(&Scan { landmarks, ..scan() }).unwrap();
+        (laid.base_from_scan.place(said) + base[vertex] - mark).distance(laid.positions_m[vertex])
+    };
+    let (with, without) = (away_m([&known[..], &[(mark, said)]].concat()), away_m(known.to_vec()));
+    assert!(with < 0.003, "{with}");
+    assert!(without > 0.008, "{without}");
+}

@@ -1,7 +1,7 @@
 //! Scans as the verbs get them: a file of any kind we read, its unit and axes as the file or the command line says, metres out.
 
 use crate::places::{Places, say};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
 use kitsuke_pipeline::ir;
 use kitsuke_pipeline::meshlab::{self, Cleaned, Settings, environment};
@@ -26,6 +26,9 @@ pub struct ScanArgs {
     /// The file's axis that points to the wearer's front
     #[arg(long, value_parser = axis, allow_hyphen_values = true)]
     front: Option<DVec3>,
+    /// A place of the base (metres, Y up) and the same in the scan (as its file counts); may be given several times
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = landmark, allow_hyphen_values = true)]
+    landmark: Vec<[DVec3; 2]>,
     /// Vertices nearer to each other than this become one, mm
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     merge_mm: f64,
@@ -54,6 +57,8 @@ pub struct Scan {
     pub positions_m: Vec<DVec3>,
     /// Whether the front is known.
     pub knows_front: bool,
+    /// What takes places of the file there.
+    pub metres_from_file: DMat3,
 }
 
 impl ScanArgs {
@@ -61,14 +66,14 @@ impl ScanArgs {
     pub fn read(&self) -> Result<Scan, String> {
         let mesh = imported(&self.file)?;
         let said = Said { unit: self.unit, up: self.up, front: self.front };
-        let Placed { positions_m, knows_front } = import::placed(&mesh, &said).map_err(|fault| {
+        let Placed { positions_m, knows_front, metres_from_file } = import::placed(&mesh, &said).map_err(|fault| {
             let help = match fault {
                 Unplaced::NoUnit => "give it, for example --unit mm",
                 Unplaced::OneAxis => "give two different ones, for example --up z --front -y",
             };
             format!("{}: {fault}: {help}", self.file.display())
         })?;
-        Ok(Scan { mesh, positions_m, knows_front })
+        Ok(Scan { mesh, positions_m, knows_front, metres_from_file })
     }
 
     /// Cleans it with pymeshlab.
@@ -112,7 +117,7 @@ pub fn registration(places: &Places, id: &str, args: &ScanArgs) -> Result<Regist
         positions_m: cleaned.positions_m,
         triangles: cleaned.triangles,
         knows_front: read.knows_front,
-        landmarks: Vec::new(),
+        landmarks: args.landmark.iter().map(|&[base_m, scan]| (base_m, read.metres_from_file * scan)).collect(),
     };
     let started = Instant::now();
     let laid = register::register(&base_m, &garment.base.triangles, &scan, &register::Settings::default());
@@ -155,6 +160,14 @@ pub fn picture_of(file: &Path, mesh: &ImportedMesh) -> Result<Option<image::RgbI
 pub fn unit(text: &str) -> Result<LengthUnit, String> {
     let known = LengthUnit::ALL.into_iter().find(|unit| unit.name() == text);
     known.ok_or_else(|| format!("a unit is one of {}", LengthUnit::ALL.map(LengthUnit::name).join(", ")))
+}
+
+fn landmark(text: &str) -> Result<[DVec3; 2], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match numbers[..] {
+        [a, b, c, d, e, f] => Ok([DVec3::new(a, b, c), DVec3::new(d, e, f)]),
+        _ => Err("a landmark is six numbers: x,y,z of the base and x,y,z of the scan".to_owned()),
+    }
 }
 
 fn axis(text: &str) -> Result<DVec3, String> {

@@ -104,6 +104,19 @@ pub struct ScanEntry {
     pub up: Option<Field<Up>>,
     /// Which of its axes points to the wearer's front, where it is another one: `+X`, `-X`, `+Y`, `-Y`, `+Z` or `-Z`.
     pub front: Option<Field<Axis>>,
+    /// Places of the base and where they lie in the scan; a scan needs none, but one that is laid on badly is helped by a few.
+    pub landmarks: Option<Vec<Field<Landmark>>>,
+}
+
+/// A place of the base and the same in a scan, each as its own file counts.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
+pub struct Landmark {
+    /// In the base's file, x, y and z.
+    pub base: [f64; 3],
+    /// In the scan's file.
+    pub scan: [f64; 3],
 }
 
 /// One `[[driver]]`.
@@ -375,7 +388,8 @@ pub fn read(file: &str, bytes: &[u8], report: &mut Vec<Diagnostic>) -> Option<Ma
         threshold.iter().for_each(|field| report_wrong(file, field, report));
         joints.iter().flatten().for_each(|field| report_wrong(file, field, report));
     }
-    for ScanEntry { file: scan, unit, up, front } in scans {
+    for ScanEntry { file: scan, unit, up, front, landmarks } in scans {
+        landmarks.iter().flatten().for_each(|field| report_wrong(file, field, report));
         scan.iter().for_each(|field| report_wrong(file, field, report));
         unit.iter().for_each(|field| report_wrong(file, field, report));
         up.iter().for_each(|field| report_wrong(file, field, report));

@@ -75,6 +75,8 @@ pub struct ScanFile {
     pub mesh: ImportedMesh,
     /// Its unit and axes.
     pub said: Said,
+    /// Places of the base and of the scan, each as its own file counts, with where the manifest says so.
+    pub landmarks: Vec<(Place, manifest::Landmark)>,
 }
 
 /// What a file is read as.
@@ -454,7 +456,10 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
                         Up::Z => DVec3::Z,
                     });
                     let front = said.front.as_ref().and_then(|front| front.get()).map(|axis| axis.0);
-                    source.scans.insert(path, ScanFile { mesh: *mesh, said: Said { unit, up, front } });
+                    let landmarks = said.landmarks.iter().flatten();
+                    let landmarks = landmarks.filter_map(|field| Some((field.place(), *field.get()?))).collect();
+                    let said = Said { unit, up, front };
+                    source.scans.insert(path, ScanFile { mesh: *mesh, said, landmarks });
                 }
             }
             Decoded::Mesh(mesh) => source.meshes.extend(mesh.map(|mesh| (path, mesh))),

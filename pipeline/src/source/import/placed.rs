@@ -3,7 +3,7 @@
 
 use super::{Axes, ImportedMesh};
 use crate::source::units::LengthUnit;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// What somebody says of a mesh; it counts before what its file says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,6 +23,8 @@ pub struct Placed {
     pub positions_m: Vec<DVec3>,
     /// Whether the front is known; else it is only the usual one.
     pub knows_front: bool,
+    /// What takes places of the file there.
+    pub metres_from_file: DMat3,
 }
 
 /// Why nobody knows where a mesh is.
@@ -50,8 +52,9 @@ pub fn placed(mesh: &ImportedMesh, said: &Said) -> Result<Placed, Unplaced> {
         return Err(Unplaced::OneAxis);
     }
     let left = up.cross(toward);
-    let place_m = |p: &DVec3| DVec3::new(p.dot(left), p.dot(up), p.dot(toward)) * unit_m;
-    Ok(Placed { positions_m: mesh.positions.iter().map(place_m).collect(), knows_front: front.is_some() })
+    let metres_from_file = DMat3::from_cols(left, up, toward).transpose() * unit_m;
+    let positions_m = mesh.positions.iter().map(|&p| metres_from_file * p).collect();
+    Ok(Placed { positions_m, knows_front: front.is_some(), metres_from_file })
 }
 
 /// Where the front is in programs that stand things so.

@@ -3,7 +3,7 @@
 use super::super::StageError;
 use super::Settings;
 use super::borders::Borders;
-use super::rims::{self, Lying, Rims};
+use super::rims::{Ends, Lying, Rims};
 use super::rotation::{nearest_rotation, outer};
 use super::surface::{Surface, border_edges, normals, smooth_normals};
 use super::visible::covers;
@@ -13,6 +13,8 @@ use rayon::prelude::*;
 
 /// Surfaces that face away from each other by more than this cosine are different layers.
 pub(super) const SAME_WAY: f64 = 0.5;
+/// How much a landmark counts: as much as a hundred places of the surface.
+const LANDMARK: f64 = 100.0;
 /// However near the end, the base's borders look so far for where the scan ends, and what they find so far is trusted, metres: a whole run
 /// says it.
 const BORDER_FROM_M: f64 = 0.05;
@@ -144,10 +146,12 @@ fn solve(held: &Matrix, own: &[DMat3], near: &SparseCholesky, right: &[DVec3], x
     }
 }
 
+/// Lays the base on; `fixed` are vertices and where they come to lie, metres.
 pub(super) fn deform(
     base_m: &[DVec3],
     triangles: &[[u32; 3]],
     seen: &[bool],
+    fixed: &[(usize, DVec3)],
     scan: &Surface,
     settings: &Settings,
 ) -> Result<Laid, StageError> {
@@ -163,6 +167,7 @@ pub(super) fn deform(
     let bends = bend_products(&near);
     let borders = Borders::of(scan.positions_m(), scan.triangles(), scan.normals());
     let rims = Rims::of(base_m, &border_edges(triangles));
+    let ends = Ends { rims, fixed, scan, scan_borders: borders };
 
     let mut places = base_m.to_vec();
     let mut weights = vec![0.0; count];
@@ -188,7 +193,7 @@ pub(super) fn deform(
         let mut factor = None;
         for _ in 0..phase.steps {
             let turns = turns(base_m, &places, &near, &base_normals, &normals(&places, triangles));
-            let pulls = pulls(&places, triangles, seen, scan, &borders, &rims, reach);
+            let pulls = pulls(&places, triangles, seen, scan, &ends, reach);
             let mut right: Vec<DVec3> = vec![DVec3::ZERO; count];
             let mut own: Vec<DMat3> = vec![DMat3::from_diagonal(DVec3::splat(HELD)); count];
             for v in 0..count {
@@ -218,6 +223,10 @@ pub(super) fn deform(
                     own[v] += DMat3::from_diagonal(DVec3::splat(COVERED));
                     right[v] += COVERED * to;
                 }
+            }
+            for &(v, to_m) in fixed {
+                own[v] += DMat3::from_diagonal(DVec3::splat(LANDMARK));
+                right[v] += LANDMARK * to_m;
             }
             // The factor of a round's first step serves all its steps: it only has to be near.
             let near = match &mut factor {
@@ -319,8 +328,7 @@ fn pulls(
     triangles: &[[u32; 3]],
     seen: &[bool],
     scan: &Surface,
-    borders: &Borders,
-    rims: &Rims,
+    ends: &Ends,
     reach: Reach,
 ) -> Vec<Option<Pull>> {
     let normals = smooth_normals(places, triangles);
@@ -330,7 +338,7 @@ fn pulls(
         1.0 / ((1.0 + away * away) * (1.0 + away * away))
     };
     let lying = Lying { places, triangles, normals: &normals, seen };
-    let ends = rims::ends(rims, &lying, scan, borders, reach.border_m.max(BORDER_FROM_M));
+    let ends = ends.of(&lying, reach.border_m.max(BORDER_FROM_M));
     let pull = |v: usize| {
         let (place, normal) = (places[v], normals[v]);
         if !seen[v] {

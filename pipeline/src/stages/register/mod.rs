@@ -27,7 +27,8 @@ pub struct Scan {
     pub triangles: Vec<[u32; 3]>,
     /// Whether +Z is known to be the front, so that other directions need not be tried.
     pub knows_front: bool,
-    /// Places of the base with their places in the scan, metres: three or more replace the search for a start.
+    /// Places of the base with their places in the scan, metres: three or more replace the search for a start, and the vertex that is nearest
+    /// to each comes to lie at its place in the scan.
     pub landmarks: Vec<(DVec3, DVec3)>,
 }
 
@@ -142,7 +143,8 @@ pub fn register(
         )));
     }
     let surface = surface.moved(|p| motion.place(p), |n| motion.rotation * n);
-    let laid = deform::deform(base_m, triangles, &seen, &surface, settings)?;
+    let fixed = fixed(base_m, &scan.landmarks, &motion);
+    let laid = deform::deform(base_m, triangles, &seen, &fixed, &surface, settings)?;
     let (to_scan_m, from_scan_m) = apart(&laid.positions_m, triangles, &seen, &surface);
     Ok(Registered {
         from_scan_m,
@@ -154,6 +156,25 @@ pub fn register(
         is_inside_out,
         aligned_m,
     })
+}
+
+/// For each landmark the vertex that is nearest to it and where that comes to lie, metres.
+fn fixed(base_m: &[DVec3], landmarks: &[(DVec3, DVec3)], base_from_scan: &Rigid) -> Vec<(usize, DVec3)> {
+    let nearest = |at_m: DVec3| {
+        let mut best = (0, f64::INFINITY);
+        for (v, place_m) in base_m.iter().enumerate() {
+            let away = place_m.distance_squared(at_m);
+            if away < best.1 {
+                best = (v, away);
+            }
+        }
+        best.0
+    };
+    let place = |&(base, scan): &(DVec3, DVec3)| {
+        let vertex = nearest(base);
+        (vertex, base_from_scan.place(scan) + base_m[vertex] - base)
+    };
+    landmarks.iter().map(place).collect()
 }
 
 /// How far a shape of the base and a scan that stands where the base does lie apart, as [`Registered::to_scan_m`] and

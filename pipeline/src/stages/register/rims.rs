@@ -16,6 +16,8 @@ const CORNER_HOPS: usize = 3;
 const OUTWARDS: f64 = 8.0;
 /// Nearer than this to the line counts no more, metres.
 const NEAR_M: f64 = 0.002;
+/// What is known counts this many times as much as what is found.
+const KNOWN: f64 = 100.0;
 /// Of a run's vertices this share must find something, and at least so many.
 const FOUND: f64 = 0.3;
 const LEAST: usize = 4;
@@ -112,70 +114,84 @@ pub(super) struct Lying<'a> {
     pub seen: &'a [bool],
 }
 
-/// For each vertex on a border that is seen where the scan ends beyond it; looks no farther than `within_m`, metres.
-pub(super) fn ends(
-    rims: &Rims,
-    base: &Lying,
-    scan: &Surface,
-    scan_borders: &Borders,
-    within_m: f64,
-) -> Vec<Option<Rim>> {
-    let Lying { places, triangles, normals, seen } = *base;
-    let own = Borders::of(places, triangles, normals);
-    let mut all = vec![None; places.len()];
-    for (run, along_m) in rims.runs.iter().zip(&rims.along_m) {
-        let direction = |i: usize| {
-            let ends = [i.saturating_sub(1), (i + 1).min(run.len() - 1)].map(|at| places[run[at] as usize]);
-            (ends[1] - ends[0]).normalize_or_zero()
-        };
-        let outward = |i: usize| direction(i).cross(normals[run[i] as usize]).normalize_or_zero();
-        let found = |i: usize| {
-            let v = run[i] as usize;
-            if !seen[v] {
-                return None;
-            }
-            let out = outward(i);
-            beyond_m(scan, places[v], normals[v], out, within_m).or_else(|| {
-                let hit = scan_borders.nearest(places[v], within_m, direction(i), out)?;
-                // A border of the scan belongs to the nearest border of the base, not to any that has it nearest.
-                let back = own.nearest(hit.place_m, within_m + 1.0, hit.along, hit.outward)?;
-                let is_mutual = back.place_m.distance(places[v]) < BACK_M + BACK * hit.distance_m;
-                is_mutual.then_some((hit.place_m - places[v]).dot(out))
-            })
-        };
-        let ends: Vec<Option<f64>> = (0..run.len()).into_par_iter().map(found).collect();
-        let pairs: Vec<(f64, f64)> = along_m.iter().zip(&ends).filter_map(|(&s, end)| Some((s, (*end)?))).collect();
-        let seen_count = run.iter().filter(|&&v| seen[v as usize]).count();
-        if pairs.len() < LEAST || (pairs.len() as f64) < FOUND * seen_count as f64 {
-            continue;
-        }
-        let line = outer_line(&pairs, along_m[along_m.len() - 1] >= TURNS_FROM_M);
-        for (i, &v) in run.iter().enumerate() {
-            if !seen[v as usize] {
-                continue;
-            }
-            let expected_m = line[0] + line[1] * along_m[i];
-            let window = i.saturating_sub(HOPS)..(i + HOPS + 1).min(run.len());
-            let mut near: Vec<f64> =
-                ends[window].iter().flatten().copied().filter(|end| (end - expected_m).abs() < AGREE_M).collect();
-            near.sort_by(f64::total_cmp);
-            let beyond_m = if near.len() > HOPS { near[near.len() / 2] } else { expected_m };
-            all[v as usize] = Some(Rim { outward: outward(i), beyond_m });
-        }
-    }
-    all
+/// Where the base's borders are to go.
+pub(super) struct Ends<'a> {
+    pub rims: Rims,
+    /// Vertices and where they are known to lie, metres.
+    pub fixed: &'a [(usize, DVec3)],
+    pub scan: &'a Surface,
+    pub scan_borders: Borders,
 }
 
-/// Offset and slope of a line through (along, found) that lies near the outermost of what was found: expectile regression, found by
-/// weighting again and again.
-fn outer_line(found: &[(f64, f64)], may_turn: bool) -> [f64; 2] {
+impl Ends<'_> {
+    /// For each vertex on a border that is seen where the scan ends beyond it, or where it is known to lie; looks no farther than
+    /// `within_m`, metres.
+    pub fn of(&self, base: &Lying, within_m: f64) -> Vec<Option<Rim>> {
+        let Lying { places, triangles, normals, seen } = *base;
+        let Ends { rims, fixed, scan, scan_borders } = self;
+        let own = Borders::of(places, triangles, normals);
+        let mut all = vec![None; places.len()];
+        for (run, along_m) in rims.runs.iter().zip(&rims.along_m) {
+            let direction = |i: usize| {
+                let ends = [i.saturating_sub(1), (i + 1).min(run.len() - 1)].map(|at| places[run[at] as usize]);
+                (ends[1] - ends[0]).normalize_or_zero()
+            };
+            let outward = |i: usize| direction(i).cross(normals[run[i] as usize]).normalize_or_zero();
+            let found = |i: usize| {
+                let v = run[i] as usize;
+                if !seen[v] {
+                    return None;
+                }
+                let out = outward(i);
+                if let Some((_, to_m)) = fixed.iter().find(|(vertex, _)| *vertex == v) {
+                    return Some((*to_m - places[v]).dot(out));
+                }
+                beyond_m(scan, places[v], normals[v], out, within_m).or_else(|| {
+                    let hit = scan_borders.nearest(places[v], within_m, direction(i), out)?;
+                    // A border of the scan belongs to the nearest border of the base, not to any that has it nearest.
+                    let back = own.nearest(hit.place_m, within_m + 1.0, hit.along, hit.outward)?;
+                    let is_mutual = back.place_m.distance(places[v]) < BACK_M + BACK * hit.distance_m;
+                    is_mutual.then_some((hit.place_m - places[v]).dot(out))
+                })
+            };
+            let ends: Vec<Option<f64>> = (0..run.len()).into_par_iter().map(found).collect();
+            let weight = |v: u32| if fixed.iter().any(|(vertex, _)| *vertex == v as usize) { KNOWN } else { 1.0 };
+            let mut pairs = Vec::new();
+            for ((&along_m, end), &v) in along_m.iter().zip(&ends).zip(run) {
+                pairs.extend(end.map(|end_m| (along_m, end_m, weight(v))));
+            }
+            let seen_count = run.iter().filter(|&&v| seen[v as usize]).count();
+            if pairs.len() < LEAST || (pairs.len() as f64) < FOUND * seen_count as f64 {
+                continue;
+            }
+            let line = outer_line(&pairs, along_m[along_m.len() - 1] >= TURNS_FROM_M);
+            for (i, &v) in run.iter().enumerate() {
+                if !seen[v as usize] {
+                    continue;
+                }
+                let expected_m = line[0] + line[1] * along_m[i];
+                let window = i.saturating_sub(HOPS)..(i + HOPS + 1).min(run.len());
+                let mut near: Vec<f64> =
+                    ends[window].iter().flatten().copied().filter(|end| (end - expected_m).abs() < AGREE_M).collect();
+                near.sort_by(f64::total_cmp);
+                let beyond_m = if near.len() > HOPS { near[near.len() / 2] } else { expected_m };
+                all[v as usize] = Some(Rim { outward: outward(i), beyond_m });
+            }
+        }
+        all
+    }
+}
+
+/// Offset and slope of a line through (along, found, how much it counts) that lies near the outermost of what was found: quantile regression,
+/// found by weighting again and again.
+fn outer_line(found: &[(f64, f64, f64)], may_turn: bool) -> [f64; 2] {
     const ROUNDS: usize = 30;
     let mut line = [found.iter().map(|f| f.1).sum::<f64>() / found.len() as f64, 0.0];
     for _ in 0..ROUNDS {
         let [mut w, mut ws, mut wss, mut wf, mut wsf] = [0.0; 5];
-        for &(s, f) in found {
+        for &(s, f, counts) in found {
             let off = f - line[0] - line[1] * s;
-            let weight = (if off > 0.0 { OUTWARDS } else { 1.0 }) / off.abs().max(NEAR_M);
+            let weight = counts * (if off > 0.0 { OUTWARDS } else { 1.0 }) / off.abs().max(NEAR_M);
             w += weight;
             ws += weight * s;
             wss += weight * s * s;
