@@ -1,0 +1,36 @@
+//! Cloth on a body: a sheet of particles comes to rest on a body under its weight (Hanami and Tokoi, the P2 of this
+//! project). Knows no file formats, no garments and no packs, so that an interactive app may link it alone.
+//!
+//! Metres, newtons, kilograms, radians; right-handed, Y up, +Z front. Same inputs give the same bytes on any number of threads.
+//!
+//! ```
+//! use kitsuke_drape::analytic_form;
+//! use kitsuke_drape::depth_maps::DepthMaps;
+//! use kitsuke_drape::fabric::Fabric;
+//! use kitsuke_drape::relax::{Settings, State, step};
+//! use kitsuke_drape::sheet::{Grid, Sheet};
+//! use glam::DVec3;
+//!
+//! let (positions_m, triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 32);
+//! let body = DepthMaps::new(&positions_m, &triangles, 0.005)?;
+//! let corner_m = DVec3::new(-0.25, 0.21, 0.25);
+//! let grid = Grid { rows: 21, columns: 21, spacing_m: 0.025, corner_m, weft: DVec3::X, warp: DVec3::NEG_Z };
+//! let sheet = Sheet::from_grid(&grid)?;
+//! let (fabric, settings) = (Fabric::default(), Settings::default());
+//! let mut state = State::new(&sheet, &fabric)?;
+//! for _ in 0..100 {
+//!     step(&sheet, &fabric, Some(&body), &settings, &mut state);
+//! }
+//! assert!(state.positions_m[0].y < 0.15);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod analytic_form;
+mod cells;
+mod cloth_contact;
+pub mod depth_maps;
+pub mod fabric;
+pub mod forces;
+mod parallel;
+pub mod relax;
+pub mod sheet;

@@ -1,0 +1,44 @@
+//! Arrays filled on all threads, each element from its number alone, so that threads change no bit. Knows no cloth.
+
+use rayon::prelude::*;
+
+/// Shorter arrays are filled by the calling thread: waking another one takes longer.
+const PARALLEL_FROM: usize = 2048;
+const CHUNK: usize = 512;
+
+/// `out[i] = value(i)`.
+pub fn fill<T: Send>(out: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    if out.len() < PARALLEL_FROM {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = value(i);
+        }
+        return;
+    }
+    out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = value(chunk * CHUNK + i);
+        }
+    });
+}
+
+/// All that `values` adds for each of `count` numbers, in the order of the numbers.
+pub fn collect<T: Send>(count: usize, values: impl Fn(usize, &mut Vec<T>) + Sync) -> Vec<T> {
+    if count < PARALLEL_FROM {
+        let mut all = Vec::new();
+        for i in 0..count {
+            values(i, &mut all);
+        }
+        return all;
+    }
+    let chunks: Vec<Vec<T>> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let mut found = Vec::new();
+            for i in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
+                values(i, &mut found);
+            }
+            found
+        })
+        .collect();
+    chunks.into_iter().flatten().collect()
+}

@@ -1,0 +1,241 @@
+//! P2's way to rest: in every step the forces are added to the places as displacements, without velocity, then cloth is
+//! moved out of cloth and out of the body. Knows no garments and no pictures.
+
+use crate::cells::Cells;
+use crate::cloth_contact;
+use crate::depth_maps::DepthMaps;
+use crate::fabric::{self, Fabric, FabricError};
+use crate::forces;
+use crate::parallel;
+use crate::sheet::Sheet;
+use glam::DVec3;
+
+/// How steps are taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// How far a particle moves in a step under its own weight, metres, above 0. P2 adds forces to places as they are, in units
+    /// of its own; this is what such a unit is worth. Greater is faster and rests less calmly.
+    pub gravity_step_m: f64,
+    /// Above this force, in weights of a particle, at least 1, the force is replaced (P2, section 4).
+    pub limit_weights: f64,
+    /// By this one, in weights: a little more than 1, at most `limit_weights`.
+    pub instead_weights: f64,
+    /// Coefficient of friction of cloth on the body, at least 0.
+    pub body_friction: f64,
+    /// Whether cloth is kept out of cloth.
+    pub cloth_contacts: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            gravity_step_m: 0.001,
+            limit_weights: 1.5,
+            instead_weights: 1.5,
+            body_friction: 0.3,
+            cloth_contacts: true,
+        }
+    }
+}
+
+/// Where a sheet is on its way, with room for what a step needs.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Where the particles are, metres. May be moved between steps.
+    pub positions_m: Vec<DVec3>,
+    before_m: Vec<DVec3>,
+    edge_forces_n: Vec<DVec3>,
+    hinge_forces_n: Vec<[DVec3; 4]>,
+    normals: Vec<DVec3>,
+    cell_of: Vec<u32>,
+    cells: Cells,
+}
+
+/// What stops a sheet from being relaxed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RelaxError {
+    /// A constant out of its range.
+    #[error(transparent)]
+    Constant(#[from] FabricError),
+    /// Cloth that is too thick for its mesh: neighbours would push each other away.
+    #[error("the cloth is {thickness_m} m thick, must be below half of its shortest edge of {edge_m} m")]
+    Thickness {
+        /// Thickness of the fabric.
+        thickness_m: f64,
+        /// Length of the shortest edge.
+        edge_m: f64,
+    },
+}
+
+impl State {
+    /// At the places where the sheet was made.
+    ///
+    /// # Errors
+    /// When a constant is out of its range or the cloth is too thick for its mesh.
+    pub fn new(sheet: &Sheet, fabric: &Fabric) -> Result<State, RelaxError> {
+        fabric::check(fabric)?;
+        let thickness_m = fabric.thickness_m;
+        let (mut edge_m, mut longest_m) = (f64::INFINITY, 0.0f64);
+        for edge in sheet.edges() {
+            edge_m = edge_m.min(edge.rest_m);
+            longest_m = longest_m.max(edge.rest_m);
+        }
+        if 2.0 * thickness_m >= edge_m {
+            return Err(RelaxError::Thickness { thickness_m, edge_m });
+        }
+        let positions_m = sheet.positions_m().to_vec();
+        let middles_m: Vec<DVec3> = sheet.triangles().iter().map(|&corners| middle_m(corners, &positions_m)).collect();
+        // No corner is farther from its triangle's middle than two thirds of the longest edge; a fifth more for stretching.
+        let cells = Cells::new(0.8 * longest_m + 2.0 * thickness_m, &middles_m);
+        Ok(State {
+            before_m: positions_m.clone(),
+            positions_m,
+            edge_forces_n: vec![DVec3::ZERO; sheet.edges().len()],
+            hinge_forces_n: vec![[DVec3::ZERO; 4]; sheet.hinges().len()],
+            normals: vec![DVec3::ZERO; sheet.triangles().len()],
+            cell_of: vec![0; sheet.triangles().len()],
+            cells,
+        })
+    }
+}
+
+/// Whether all settings are in their ranges.
+///
+/// # Errors
+/// The first that is not.
+pub fn check(settings: &Settings) -> Result<(), FabricError> {
+    fabric::above_zero("gravity_step_m", settings.gravity_step_m)?;
+    fabric::at_least_zero("body_friction", settings.body_friction)?;
+    let limit = settings.limit_weights;
+    if !(limit.is_finite() && limit >= 1.0) {
+        return Err(FabricError { name: "limit_weights", value: limit, range: "finite and at least 1" });
+    }
+    let instead = settings.instead_weights;
+    if !(1.0..=limit).contains(&instead) {
+        return Err(FabricError { name: "instead_weights", value: instead, range: "from 1 to limit_weights" });
+    }
+    Ok(())
+}
+
+/// One step of the sheet for which the state was made; returns the greatest way of a particle, metres.
+///
+/// Fabric and settings are taken as checked ([`State::new`], [`check`]); other numbers give other places, no panic.
+///
+/// # Panics
+/// When the state is that of another sheet.
+pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: &Settings, state: &mut State) -> f64 {
+    let State { positions_m, before_m, edge_forces_n, hinge_forces_n, normals, cell_of, cells } = state;
+    assert!(
+        positions_m.len() == sheet.positions_m().len() && normals.len() == sheet.triangles().len(),
+        "a state belongs to its sheet"
+    );
+    before_m.copy_from_slice(positions_m);
+    let before_m: &[DVec3] = before_m;
+    internal_forces(sheet, fabric, before_m, edge_forces_n, hinge_forces_n);
+    let weight_n = forces::particle_weight_n(fabric.mass_kg_per_m2, sheet.area_m2(), before_m.len());
+    let (limit_n, instead_n) = (settings.limit_weights * weight_n, settings.instead_weights * weight_n);
+    let drawn_n = drawn_forces(sheet, fabric, before_m);
+    let m_per_n = settings.gravity_step_m / weight_n;
+    parallel::fill(positions_m, |particle| {
+        if let Some(place_m) = sheet.pins()[particle] {
+            return place_m;
+        }
+        let mut force_n = DVec3::new(0.0, -weight_n, 0.0);
+        for &at in sheet.edges_at(particle) {
+            let on_first_n = edge_forces_n[at as usize / 2];
+            force_n += if at % 2 == 0 { on_first_n } else { -on_first_n };
+        }
+        for &at in sheet.hinges_at(particle) {
+            force_n += hinge_forces_n[at as usize / 4][at as usize % 4];
+        }
+        // Sorted by particle: a few among many.
+        let mut drawn = drawn_n.partition_point(|&(other, _)| (other as usize) < particle);
+        while drawn < drawn_n.len() && drawn_n[drawn].0 as usize == particle {
+            force_n += drawn_n[drawn].1;
+            drawn += 1;
+        }
+        before_m[particle] + forces::limited_n(force_n, limit_n, instead_n) * m_per_n
+    });
+    if settings.cloth_contacts {
+        let triangles = sheet.triangles();
+        parallel::fill(normals, |i| cloth_contact::unit_normal(triangles[i].map(|corner| before_m[corner as usize])));
+        parallel::fill(cell_of, |i| cells.cell(middle_m(triangles[i], before_m)));
+        cells.update(cell_of);
+        // Either side may come nearer by a whole step.
+        let reach_m = fabric.thickness_m + 2.0 * settings.instead_weights * settings.gravity_step_m;
+        let contacts = cloth_contact::detect(triangles, before_m, normals, cells, reach_m);
+        let (thickness_m, friction) = (fabric.thickness_m, fabric.friction);
+        cloth_contact::resolve(&contacts, triangles, sheet.pins(), before_m, positions_m, thickness_m, friction);
+    }
+    if let Some(body) = body {
+        let moved_m: &[DVec3] = &positions_m.clone();
+        parallel::fill(positions_m, |particle| {
+            if sheet.pins()[particle].is_some() {
+                return moved_m[particle];
+            }
+            out_of_body(body, before_m[particle], moved_m[particle], fabric.thickness_m, settings.body_friction)
+        });
+    }
+    let mut farthest_squared = 0.0f64;
+    for (now, before) in positions_m.iter().zip(before_m) {
+        farthest_squared = farthest_squared.max((*now - *before).length_squared());
+    }
+    farthest_squared.sqrt()
+}
+
+fn middle_m(corners: [u32; 3], positions_m: &[DVec3]) -> DVec3 {
+    let [a, b, c] = corners.map(|corner| positions_m[corner as usize]);
+    (a + b + c) / 3.0
+}
+
+fn internal_forces(
+    sheet: &Sheet,
+    fabric: &Fabric,
+    places_m: &[DVec3],
+    edge_forces_n: &mut [DVec3],
+    hinge_forces_n: &mut [[DVec3; 4]],
+) {
+    let place = |particle: u32| places_m[particle as usize];
+    parallel::fill(edge_forces_n, |i| {
+        let edge = &sheet.edges()[i];
+        let per_width_n_per_m =
+            forces::along_grain(fabric.warp_n_per_m, fabric.weft_n_per_m, fabric.bias_n_per_m, edge.grain);
+        let extension = per_width_n_per_m * edge.width_per_length_squared;
+        forces::tension_on_first_n(extension, extension * fabric.compression, edge.rest_m, edge.ends.map(place))
+    });
+    parallel::fill(hinge_forces_n, |i| {
+        let hinge = &sheet.hinges()[i];
+        forces::bending_n(fabric.bending_n * hinge.rest_m, hinge.edge.map(place), hinge.outer.map(place))
+    });
+}
+
+/// The forces of threads and attachments, ascending by particle.
+fn drawn_forces(sheet: &Sheet, fabric: &Fabric, places_m: &[DVec3]) -> Vec<(u32, DVec3)> {
+    let mut drawn_n = Vec::with_capacity(2 * sheet.pairs().len() + sheet.attachments().len());
+    for &[a, b] in sheet.pairs() {
+        let force_n = (places_m[b as usize] - places_m[a as usize]) * fabric.thread_n_per_m;
+        drawn_n.extend([(a, force_n), (b, -force_n)]);
+    }
+    for attachment in sheet.attachments() {
+        let particle = attachment.particle;
+        let to_place_m = attachment.place_m - places_m[particle as usize];
+        drawn_n.push((particle, to_place_m * attachment.stiffness_n_per_m));
+    }
+    // Stable, so that the forces on one particle stay in the order of pairs and attachments.
+    drawn_n.sort_by_key(|&(particle, _)| particle);
+    drawn_n
+}
+
+/// Where a particle ends that came from `before_m` to `place_m`: pushed out to the thickness, its slide held by friction.
+fn out_of_body(body: &DepthMaps, before_m: DVec3, place_m: DVec3, thickness_m: f64, friction: f64) -> DVec3 {
+    let Some(surface) = body.inside(place_m, thickness_m) else { return place_m };
+    let moved_m = place_m - before_m;
+    let slide_m = moved_m - surface.normal * surface.normal.dot(moved_m);
+    let held_m = slide_m - forces::after_friction_m(slide_m, surface.depth_m, friction);
+    let out_m = place_m + surface.normal * surface.depth_m - held_m;
+    // Where the surface is curved, the tangent plane of the old place is not that of the new one.
+    match body.inside(out_m, thickness_m) {
+        Some(surface) => out_m + surface.normal * surface.depth_m,
+        None => out_m,
+    }
+}
