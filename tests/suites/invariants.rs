@@ -81,6 +81,15 @@ fn stages_touch_no_files_no_globals_and_no_terminal() {
     assert_eq!(found.into_iter().filter(is_state).collect::<Vec<_>>(), [""; 0]);
 }
 
+/// The same of cloth, which an interactive app links without the pipeline: neither files nor formats.
+#[test]
+fn cloth_knows_no_files_no_formats_and_no_terminal() {
+    let words =
+        ["fs", "File", "env", "io", "print", "println", "eprintln", "static", "thread_local", "Mutex", "Instant"];
+    let formats = ["serde", "Deserialize", "csv", "gltf", "kitsuke", "kitsuke_pipeline"];
+    assert_eq!(uses(&rust_files("pipeline/drape/src"), &[&words[..], &formats[..]].concat()), [""; 0]);
+}
+
 /// A room stands on rooms before it in these lists and imports from no other.
 #[test]
 fn rooms_stand_on_the_floors_below_them() {
@@ -100,7 +109,13 @@ fn rooms_stand_on_the_floors_below_them() {
         &["load"],
         &["catalog"],
     ];
-    for (folder, floors) in [("runtime/src", runtime), ("pipeline/src", pipeline)] {
+    let drape: &[&[&str]] = &[
+        &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
+        &["cloth_contact"],
+        &["relax"],
+    ];
+    let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
+    for (folder, floors) in crates {
         let floor_of = |room: &str| floors.iter().position(|floor| floor.contains(&room));
         for path in rust_files(folder) {
             let place = path.strip_prefix(repository().join(folder)).unwrap();
@@ -157,7 +172,8 @@ fn section_tags_stand_in_the_layout_alone() {
 #[test]
 fn nothing_that_feeds_a_pack_chooses_its_instructions_by_processor() {
     let words = ["is_x86_feature_detected", "target_feature", "mul_add", "HashMap", "HashSet", "RandomState"];
-    assert_eq!(uses(&[rust_files("runtime/src"), rust_files("pipeline/src")].concat(), &words), [""; 0]);
+    let files = ["runtime/src", "pipeline/src", "pipeline/drape/src"].map(rust_files).concat();
+    assert_eq!(uses(&files, &words), [""; 0]);
 }
 
 /// Invariant 8.
@@ -178,7 +194,13 @@ fn unsafe_stands_at_the_c_border_and_in_the_counting_allocator_alone() {
         let text = fs::read_to_string(repository().join(manifest)).unwrap();
         assert!(text.contains("unsafe_code = \"forbid\""), "{manifest}");
     }
-    for manifest in ["runtime/Cargo.toml", "runtime/wasm/Cargo.toml", "live/Cargo.toml", "pipeline/Cargo.toml"] {
+    for manifest in [
+        "runtime/Cargo.toml",
+        "runtime/wasm/Cargo.toml",
+        "live/Cargo.toml",
+        "pipeline/Cargo.toml",
+        "pipeline/drape/Cargo.toml",
+    ] {
         let text = fs::read_to_string(repository().join(manifest)).unwrap();
         assert!(text.contains("[lints]\nworkspace = true"), "{manifest}");
     }

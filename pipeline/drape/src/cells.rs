@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-/// Cells along each axis before they repeat. What lies a whole period apart shares a cell, which costs a look and no more.
+/// Cells along each axis before they repeat, a power of two. What lies a whole period apart shares a cell, which costs a look and no more.
 const PERIOD: u32 = 32;
 
 /// Things by the cube in which their middle lies.
@@ -18,7 +18,7 @@ impl Cells {
     /// Cubes of the given width, metres, above 0, with a thing at each place.
     pub fn new(cell_m: f64, places_m: &[DVec3]) -> Cells {
         let mut members = vec![Vec::new(); (PERIOD * PERIOD * PERIOD) as usize];
-        let cell_of: Vec<u32> = places_m.iter().map(|&place| cell(cell_m, place, [0; 3])).collect();
+        let cell_of: Vec<u32> = places_m.iter().map(|&place| number(column_row_layer(cell_m, place))).collect();
         for (thing, &cell) in cell_of.iter().enumerate() {
             members[cell as usize].push(thing as u32);
         }
@@ -27,7 +27,7 @@ impl Cells {
 
     /// The cell of a place.
     pub fn cell(&self, place_m: DVec3) -> u32 {
-        cell(self.cell_m, place_m, [0; 3])
+        number(column_row_layer(self.cell_m, place_m))
     }
 
     /// Moves the things whose cell has changed.
@@ -44,16 +44,23 @@ impl Cells {
     /// What lies in the cell of a place and the 26 around it; all within a cell's width of the place are among it. The order
     /// depends on how things came there.
     pub fn around(&self, place_m: DVec3) -> impl Iterator<Item = u32> + '_ {
-        (0..27).flat_map(move |i| {
-            let offset = [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1];
-            self.members[cell(self.cell_m, place_m, offset) as usize].iter().copied()
+        let middle = column_row_layer(self.cell_m, place_m);
+        (0..27u32).flat_map(move |i| {
+            let offset = [i % 3, i / 3 % 3, i / 9].map(|step| step.wrapping_sub(1));
+            self.members[number(std::array::from_fn(|axis| middle[axis].wrapping_add(offset[axis]))) as usize]
+                .iter()
+                .copied()
         })
     }
 }
 
-fn cell(cell_m: f64, place_m: DVec3, offset: [i64; 3]) -> u32 {
-    let along = |axis: usize| ((place_m[axis] / cell_m).floor() as i64).wrapping_add(offset[axis]) as u32 % PERIOD;
-    (along(2) * PERIOD + along(1)) * PERIOD + along(0)
+fn column_row_layer(cell_m: f64, place_m: DVec3) -> [u32; 3] {
+    // By way of i64, whose low bits go on counting below 0.
+    [0, 1, 2].map(|axis| (place_m[axis] / cell_m).floor() as i64 as u32)
+}
+
+fn number([column, row, layer]: [u32; 3]) -> u32 {
+    ((layer % PERIOD) * PERIOD + row % PERIOD) * PERIOD + column % PERIOD
 }
 
 #[cfg(test)]

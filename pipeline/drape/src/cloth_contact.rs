@@ -12,11 +12,11 @@ use glam::DVec3;
 pub struct Contact {
     particle: u32,
     triangle: u32,
-    /// On which side of the triangle the particle was when the step began: 1 is that of the normal, -1 the other.
+    /// On which side of the triangle the particle was when it was found: 1 is that of the normal, -1 the other.
     side: f64,
 }
 
-/// What lies near what when a step begins.
+/// What lies nearer than `reach_m` to what.
 pub fn detect(
     triangles: &[[u32; 3]],
     positions_m: &[DVec3],
@@ -33,7 +33,7 @@ pub fn detect(
                 continue;
             }
             let shares = shares(corners.map(|corner| positions_m[corner as usize]), place_m);
-            // A step may carry the particle over the border of a triangle.
+            // Until it is looked for again, the particle may come over the border of a triangle.
             if shares.is_some_and(|shares| shares.min_element() >= -0.2) {
                 let side = if distance_m >= 0.0 { 1.0 } else { -1.0 };
                 found.push(Contact { particle: particle as u32, triangle, side });

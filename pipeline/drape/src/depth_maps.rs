@@ -8,7 +8,7 @@ use glam::DVec3;
 /// Most cells of one map: 64 million numbers in all three would still be allocated, more is refused.
 const MOST_CELLS: usize = 1 << 24;
 /// Empty cells around the body, so that every cell that is looked at has neighbours.
-const BORDER: f64 = 3.0;
+const BORDER: f64 = 5.0;
 
 /// One map: the outermost surface along one axis on a grid of cells. `outward` is +1 where greater is further out, -1 else.
 #[derive(Clone, Debug)]
@@ -111,7 +111,8 @@ impl DepthMaps {
     /// The nearest way out for a place that lies in the body, or nearer to its surface than the clearance (metres, at least 0);
     /// none for a place outside.
     ///
-    /// A surface along which all three maps look (the side of the trunk) keeps no clearance.
+    /// A surface along which all three maps look (the side of the trunk) keeps no clearance, and along which one of them looks (the
+    /// top of a shoulder) none beyond a cell and a half.
     #[must_use]
     pub fn inside(&self, place_m: DVec3, clearance_m: f64) -> Option<Surface> {
         let mut nearest: Option<Surface> = None;

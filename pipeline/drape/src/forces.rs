@@ -129,6 +129,20 @@ mod tests {
         assert!((slope(0.9) - 5.0).abs() < 1e-6, "{}", slope(0.9));
     }
 
+    /// P2, section 2.3: drawn back by its own force alone, cloth that was stretched a little stays so, where a linear spring of
+    /// equal force at the start has long gone back.
+    #[test]
+    fn cloth_stays_a_little_stretched() {
+        let (mut quadratic_m, mut linear_m) = (1.01, 1.01);
+        for _ in 0..1000 {
+            quadratic_m -= tension_n(1.0, 0.3, 1.0, quadratic_m);
+            linear_m -= 0.01 * (linear_m - 1.0);
+        }
+        // The quadratic law's stretch decays as 1 / (100 + steps).
+        assert!((quadratic_m - 1.0 - 1.0 / 1100.0).abs() < 1e-5, "{quadratic_m}");
+        assert!(linear_m - 1.0 < 1e-6, "{linear_m}");
+    }
+
     /// The force is the downhill slope of the energy k (r - L)³ / 3 in every direction.
     #[test]
     fn tension_is_the_derivative_of_its_energy() {

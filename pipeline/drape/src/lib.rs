@@ -7,7 +7,7 @@
 //! use kitsuke_drape::analytic_form;
 //! use kitsuke_drape::depth_maps::DepthMaps;
 //! use kitsuke_drape::fabric::Fabric;
-//! use kitsuke_drape::relax::{Settings, State, step};
+//! use kitsuke_drape::relax::{Settings, State, to_rest};
 //! use kitsuke_drape::sheet::{Grid, Sheet};
 //! use glam::DVec3;
 //!
@@ -18,9 +18,7 @@
 //! let sheet = Sheet::from_grid(&grid)?;
 //! let (fabric, settings) = (Fabric::default(), Settings::default());
 //! let mut state = State::new(&sheet, &fabric)?;
-//! for _ in 0..100 {
-//!     step(&sheet, &fabric, Some(&body), &settings, &mut state);
-//! }
+//! to_rest(&sheet, &fabric, Some(&body), &settings, 0.05, 2000, &mut state);
 //! assert!(state.positions_m[0].y < 0.15);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -2,7 +2,7 @@
 //! moved out of cloth and out of the body. Knows no garments and no pictures.
 
 use crate::cells::Cells;
-use crate::cloth_contact;
+use crate::cloth_contact::{self, Contact};
 use crate::depth_maps::DepthMaps;
 use crate::fabric::{self, Fabric, FabricError};
 use crate::forces;
@@ -14,7 +14,8 @@ use glam::DVec3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// How far a particle moves in a step under its own weight, metres, above 0. P2 adds forces to places as they are, in units
-    /// of its own; this is what such a unit is worth. Greater is faster and rests less calmly.
+    /// of its own; this is what such a unit is worth. Greater is faster and rests less calmly; above a third of
+    /// the cloth's thickness, cloth may pass through cloth.
     pub gravity_step_m: f64,
     /// Above this force, in weights of a particle, at least 1, the force is replaced (P2, section 4).
     pub limit_weights: f64,
@@ -30,8 +31,8 @@ impl Default for Settings {
     fn default() -> Settings {
         Settings {
             gravity_step_m: 0.001,
-            limit_weights: 1.5,
-            instead_weights: 1.5,
+            limit_weights: 1.2,
+            instead_weights: 1.2,
             body_friction: 0.3,
             cloth_contacts: true,
         }
@@ -49,6 +50,9 @@ pub struct State {
     normals: Vec<DVec3>,
     cell_of: Vec<u32>,
     cells: Cells,
+    /// What may touch what, and where the particles were when it was looked for.
+    contacts: Vec<Contact>,
+    listed_m: Vec<DVec3>,
 }
 
 /// What stops a sheet from being relaxed.
@@ -86,7 +90,7 @@ impl State {
         let positions_m = sheet.positions_m().to_vec();
         let middles_m: Vec<DVec3> = sheet.triangles().iter().map(|&corners| middle_m(corners, &positions_m)).collect();
         // No corner is farther from its triangle's middle than two thirds of the longest edge; a fifth more for stretching.
-        let cells = Cells::new(0.8 * longest_m + 2.0 * thickness_m, &middles_m);
+        let cells = Cells::new(0.8 * longest_m + thickness_m + margin_m(fabric), &middles_m);
         Ok(State {
             before_m: positions_m.clone(),
             positions_m,
@@ -95,6 +99,8 @@ impl State {
             normals: vec![DVec3::ZERO; sheet.triangles().len()],
             cell_of: vec![0; sheet.triangles().len()],
             cells,
+            contacts: Vec::new(),
+            listed_m: Vec::new(),
         })
     }
 }
@@ -124,7 +130,8 @@ pub fn check(settings: &Settings) -> Result<(), FabricError> {
 /// # Panics
 /// When the state is that of another sheet.
 pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: &Settings, state: &mut State) -> f64 {
-    let State { positions_m, before_m, edge_forces_n, hinge_forces_n, normals, cell_of, cells } = state;
+    let State { positions_m, before_m, edge_forces_n, hinge_forces_n, normals, cell_of, cells, contacts, listed_m } =
+        state;
     assert!(
         positions_m.len() == sheet.positions_m().len() && normals.len() == sheet.triangles().len(),
         "a state belongs to its sheet"
@@ -158,14 +165,25 @@ pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: 
     });
     if settings.cloth_contacts {
         let triangles = sheet.triangles();
-        parallel::fill(normals, |i| cloth_contact::unit_normal(triangles[i].map(|corner| before_m[corner as usize])));
-        parallel::fill(cell_of, |i| cells.cell(middle_m(triangles[i], before_m)));
-        cells.update(cell_of);
-        // Either side may come nearer by a whole step.
-        let reach_m = fabric.thickness_m + 2.0 * settings.instead_weights * settings.gravity_step_m;
-        let contacts = cloth_contact::detect(triangles, before_m, normals, cells, reach_m);
+        // What was found serves until a particle has gone half the margin.
+        let farthest_m = 0.5 * margin_m(fabric);
+        let has_gone = |(then, now): (&DVec3, &DVec3)| (*now - *then).length_squared() > farthest_m * farthest_m;
+        if listed_m.is_empty() || listed_m.iter().zip(&*positions_m).any(has_gone) {
+            parallel::fill(normals, |i| {
+                cloth_contact::unit_normal(triangles[i].map(|corner| before_m[corner as usize]))
+            });
+            parallel::fill(cell_of, |i| cells.cell(middle_m(triangles[i], before_m)));
+            cells.update(cell_of);
+            let reach_m = fabric.thickness_m + margin_m(fabric);
+            *contacts = cloth_contact::detect(triangles, before_m, normals, cells, reach_m);
+            listed_m.clear();
+            listed_m.extend_from_slice(before_m);
+        }
         let (thickness_m, friction) = (fabric.thickness_m, fabric.friction);
-        cloth_contact::resolve(&contacts, triangles, sheet.pins(), before_m, positions_m, thickness_m, friction);
+        cloth_contact::resolve(contacts, triangles, sheet.pins(), before_m, positions_m, thickness_m, friction);
+    }
+    if !settings.cloth_contacts {
+        listed_m.clear();
     }
     if let Some(body) = body {
         let moved_m: &[DVec3] = &positions_m.clone();
@@ -181,6 +199,95 @@ pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: 
         farthest_squared = farthest_squared.max((*now - *before).length_squared());
     }
     farthest_squared.sqrt()
+}
+
+/// How a sheet came to rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rested {
+    /// How many steps were taken.
+    pub steps: usize,
+    /// What still moves the cloth at the end: the mean way of the particles over the last steps, as a force in weights of a
+    /// particle. Trembling to and fro does not count.
+    pub residual_weights: f64,
+    /// The last step, as [`Settings::gravity_step_m`].
+    pub gravity_step_m: f64,
+    /// Whether the residual was below the wanted one before the steps were used up.
+    pub is_at_rest: bool,
+}
+
+/// Steps after which progress is judged.
+const WINDOW: usize = 50;
+/// Below this residual, cloth that trembles takes smaller steps.
+const STUCK_WEIGHTS: f64 = 0.15;
+/// Above this residual, cloth falls and takes larger steps.
+const FALLING_WEIGHTS: f64 = 0.4;
+/// Correlation of one step's ways with the next one's, below which cloth trembles and above which it goes smoothly.
+const TREMBLING: f64 = 0.3;
+const SMOOTH: f64 = 0.5;
+const SMALLER: f64 = 0.7;
+const LARGER: f64 = 1.2;
+
+/// Steps until what moves the cloth is below `residual_weights` (0.05 is a calm cloth), or `most_steps` are done.
+///
+/// P2 has one step for all. But forces as displacements overshoot where taut cloth is stiff: with large steps it trembles so much
+/// that it hardly falls. So the step of the settings is the largest one here; after every 50 steps it shrinks where cloth
+/// trembles without getting on, and grows again where it moves smoothly.
+///
+/// # Panics
+/// When the state is that of another sheet.
+pub fn to_rest(
+    sheet: &Sheet,
+    fabric: &Fabric,
+    body: Option<&DepthMaps>,
+    settings: &Settings,
+    residual_weights: f64,
+    most_steps: usize,
+    state: &mut State,
+) -> Rested {
+    let mut settings = settings.clone();
+    let largest_step_m = settings.gravity_step_m;
+    let mut rested =
+        Rested { steps: 0, residual_weights: f64::INFINITY, gravity_step_m: largest_step_m, is_at_rest: false };
+    let mut earlier_m = vec![DVec3::ZERO; state.positions_m.len()];
+    while rested.steps < most_steps {
+        let start_m = state.positions_m.clone();
+        let (mut along, mut squares) = (0.0, 0.0);
+        let window = WINDOW.min(most_steps - rested.steps);
+        for _ in 0..window {
+            step(sheet, fabric, body, &settings, state);
+            for ((now, before), earlier) in state.positions_m.iter().zip(&state.before_m).zip(&mut earlier_m) {
+                let moved_m = *now - *before;
+                along += moved_m.dot(*earlier);
+                squares += moved_m.length_squared();
+                *earlier = moved_m;
+            }
+        }
+        let mut ways_m = 0.0;
+        for (start, end) in start_m.iter().zip(&state.positions_m) {
+            ways_m += (*end - *start).length_squared().sqrt();
+        }
+        let way_m = ways_m / start_m.len() as f64;
+        rested.steps += window;
+        rested.residual_weights = way_m / (settings.gravity_step_m * window as f64);
+        rested.gravity_step_m = settings.gravity_step_m;
+        let is_trembling = along < TREMBLING * squares;
+        // Cloth that trembles in place seems calm; smaller steps tell whether it is.
+        if rested.residual_weights < residual_weights && !is_trembling {
+            rested.is_at_rest = true;
+            break;
+        }
+        if is_trembling && rested.residual_weights < STUCK_WEIGHTS {
+            settings.gravity_step_m *= SMALLER;
+        } else if along > SMOOTH * squares || rested.residual_weights > FALLING_WEIGHTS {
+            settings.gravity_step_m = largest_step_m.min(settings.gravity_step_m * LARGER);
+        }
+    }
+    rested
+}
+
+/// How much farther than its thickness cloth is looked for, so that not every step has to look.
+fn margin_m(fabric: &Fabric) -> f64 {
+    fabric.thickness_m
 }
 
 fn middle_m(corners: [u32; 3], positions_m: &[DVec3]) -> DVec3 {

@@ -442,8 +442,9 @@ fn check_areas(place: &'static str, triangles_m: &[[DVec3; 3]]) -> Result<(), Sh
     let is_degenerate = |corners_m: &[DVec3; 3]| {
         let [a, b, c] = *corners_m;
         let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-        // Not `<=`: what overflows to NaN is degenerate, too.
-        !(doubled_area(corners_m) > FLAT * longest)
+        // Asked this way round because what overflows is degenerate, too.
+        let has_area = doubled_area(corners_m) > FLAT * longest;
+        !has_area
     };
     let mut bad: Vec<usize> = (0..triangles_m.len()).filter(|&i| is_degenerate(&triangles_m[i])).collect();
     if bad.is_empty() {
