@@ -87,7 +87,8 @@ fn cloth_knows_no_files_no_formats_and_no_terminal() {
     let words =
         ["fs", "File", "env", "io", "print", "println", "eprintln", "static", "thread_local", "Mutex", "Instant"];
     let formats = ["serde", "Deserialize", "csv", "gltf", "kitsuke", "kitsuke_pipeline"];
-    assert_eq!(uses(&rust_files("pipeline/drape/src"), &[&words[..], &formats[..]].concat()), [""; 0]);
+    let found = uses(&rust_files("pipeline/drape/src"), &[&words[..], &formats[..]].concat());
+    assert_eq!(found.into_iter().filter(|line| !line.contains("&'static ")).collect::<Vec<_>>(), [""; 0]);
 }
 
 /// A room stands on rooms before it in these lists and imports from no other.
