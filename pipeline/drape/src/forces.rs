@@ -56,21 +56,23 @@ pub fn bending_n(c_nm: f64, edge_m: [DVec3; 2], outer_m: [DVec3; 2]) -> [DVec3; 
     let along_m = edge_m[1] - edge_m[0];
     let to_outer_m = [outer_m[0] - edge_m[0], outer_m[1] - edge_m[0]];
     let area_vectors = [along_m.cross(to_outer_m[0]), to_outer_m[1].cross(along_m)];
-    let doubled_areas = area_vectors.map(|vector| vector.length_squared().sqrt());
-    if doubled_areas[0] == 0.0 || doubled_areas[1] == 0.0 {
+    // Of doubled areas, squared.
+    let squares = area_vectors.map(DVec3::length_squared);
+    let product = squares[0] * squares[1];
+    if product == 0.0 {
         return [DVec3::ZERO; 4];
     }
-    let normals = [area_vectors[0] / doubled_areas[0], area_vectors[1] / doubled_areas[1]];
-    let torque_nm = bending_torque_nm(c_nm, normals[0].dot(normals[1]));
+    let torque_nm = bending_torque_nm(c_nm, area_vectors[0].dot(area_vectors[1]) / product.sqrt());
     // Folded to the side to which the normals point, the outer vertices are pushed back against the normals.
-    let toward_flat = if normals[0].dot(to_outer_m[1]) >= 0.0 { 1.0 } else { -1.0 };
+    let toward_flat = if area_vectors[0].dot(to_outer_m[1]) >= 0.0 { 1.0 } else { -1.0 };
     let length_squared = along_m.length_squared();
-    let length_m = length_squared.sqrt();
+    let signed = toward_flat * torque_nm * length_squared.sqrt();
+    let per_length_squared = 1.0 / length_squared;
     let mut forces = [DVec3::ZERO; 4];
     for side in 0..2 {
-        let distance_m = doubled_areas[side] / length_m;
-        let force = normals[side] * (toward_flat * torque_nm / distance_m);
-        let share = to_outer_m[side].dot(along_m) / length_squared;
+        // The normal is vector over doubled area, d is doubled area over length: together one division.
+        let force = area_vectors[side] * (signed / squares[side]);
+        let share = to_outer_m[side].dot(along_m) * per_length_squared;
         forces[0] -= force * (1.0 - share);
         forces[1] -= force * share;
         forces[2 + side] = force;

@@ -226,6 +226,8 @@ const TREMBLING: f64 = 0.3;
 const SMOOTH: f64 = 0.5;
 const SMALLER: f64 = 0.7;
 const LARGER: f64 = 1.2;
+/// The smallest step, in largest ones: with smaller ones nothing that can be seen moves any more.
+const SMALLEST: f64 = 1e-3;
 
 /// Steps until what moves the cloth is below `residual_weights` (0.05 is a calm cloth), or `most_steps` are done.
 ///
@@ -277,7 +279,7 @@ pub fn to_rest(
             break;
         }
         if is_trembling && rested.residual_weights < STUCK_WEIGHTS {
-            settings.gravity_step_m *= SMALLER;
+            settings.gravity_step_m = (largest_step_m * SMALLEST).max(settings.gravity_step_m * SMALLER);
         } else if along > SMOOTH * squares || rested.residual_weights > FALLING_WEIGHTS {
             settings.gravity_step_m = largest_step_m.min(settings.gravity_step_m * LARGER);
         }
