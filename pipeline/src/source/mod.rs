@@ -253,7 +253,7 @@ fn read_head(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> Option<(Folder
             Ok(name) if scans.contains(&name) => report.push(
                 Diagnostic::error("scan-pose", cited_in, place)
                     .problem(format!("{name} is a scan, and scans serve as sizes only"))
-                    .help("Lay the base onto it by hand (cargo xtask register) and name the OBJ that comes out, or remove its [[scan]]."),
+                    .help("Lay the posed base onto it in another program (Wrap, ZWrap) and name the OBJ that comes out, or remove its [[scan]]: here only the base in its T-pose is laid onto scans."),
             ),
             Ok(name) => references.push(Reference { name, role: Role::Mesh, cited_in, place }),
             Err(problem) => report.push(

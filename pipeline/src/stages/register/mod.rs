@@ -11,6 +11,7 @@ mod deform;
 mod rims;
 mod rotation;
 pub(super) mod surface;
+mod system;
 mod visible;
 
 use super::StageError;
