@@ -816,6 +816,9 @@ fn damaged_files_do_no_harm() {
             for file in &files {
                 let mut bytes = file.clone();
                 for _ in 0..1 + round % 4 {
+                    if bytes.is_empty() {
+                        break;
+                    }
                     let (at, length) = (next(bytes.len()), 1 + next(6));
                     let end = (at + length).min(bytes.len());
                     match next(4) {
