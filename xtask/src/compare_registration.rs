@@ -1,7 +1,7 @@
 //! `cargo xtask compare-registration ID SCAN --truth FILE.obj`: our registration beside trimesh's, on one cleaned scan, in one table.
 
 use crate::places::{Places, ended, say};
-use crate::registration_error::{Against, at_mm, mean_mm, read_truth};
+use crate::registration_error::{Against, at_mm, mean_mm};
 use crate::scans::{Registration, ScanArgs, registration};
 use glam::DVec3;
 use kitsuke_pipeline::meshlab::environment::{self, Packages};
@@ -56,9 +56,10 @@ fn compared(args: &Args) -> Result<(), String> {
     // Before anything long is computed.
     let python = environment::python(&args.scan.cache, &PACKAGES, &|line| say!("{line}"));
     let python = python.map_err(|error| error.to_string())?;
-    let Registration { garment, base_m, scan, laid, seconds, .. } = registration(&args.places, &args.id, &args.scan)?;
+    let Registration { garment, base_m, scan, laid, truth, seconds, .. } =
+        registration(&args.places, &args.id, &args.scan, Some(&args.truth))?;
     let triangles = &garment.base.triangles;
-    let truth = read_truth(&args.truth, base_m.len())?;
+    let truth = truth.expect("it was asked for");
 
     // The peer has no search for a start: from where our deforming starts, both do the same task.
     let moved_m: Vec<DVec3> = scan.positions_m.iter().map(|&p| laid.base_from_scan.place(p)).collect();

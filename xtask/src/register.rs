@@ -1,7 +1,7 @@
 //! `cargo xtask register ID SCAN`: a scan as a target shape, in the base's own topology, and how near it comes.
 
 use crate::places::{Places, ended, say, write_whole};
-use crate::registration_error::{Against, read_truth, spread};
+use crate::registration_error::{Against, spread};
 use crate::scan_texture::TextureArgs;
 use crate::scans::{Registration, ScanArgs, registration};
 use glam::DVec3;
@@ -42,12 +42,11 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn registered(args: &Args) -> Result<(), String> {
-    let Registration { garment, base_m, scan, coloured, laid, seconds } =
-        registration(&args.places, &args.id, &args.scan)?;
+    let Registration { garment, base_m, scan, coloured, laid, truth, seconds } =
+        registration(&args.places, &args.id, &args.scan, args.truth.as_deref())?;
     let triangles = &garment.base.triangles;
     say!("{}", table(&laid, triangles.len(), seconds));
-    if let Some(truth) = &args.truth {
-        let truth = read_truth(truth, base_m.len())?;
+    if let Some(truth) = truth {
         say!("{}", Against::truth(&laid.positions_m, &base_m, triangles, &truth).text());
     }
     write_whole(&args.out, |out| {

@@ -1,6 +1,7 @@
 //! Scans as the verbs get them: a file of any kind we read, its unit and axes as the file or the command line says, metres out.
 
 use crate::places::{Places, say};
+use crate::registration_error::read_truth;
 use glam::{DMat3, DVec3};
 use kitsuke_pipeline::diagnostic::{self, Format, Severity};
 use kitsuke_pipeline::ir;
@@ -101,15 +102,19 @@ pub struct Registration {
     /// The same with its colours, texture coordinates and parts.
     pub coloured: ImportedMesh,
     pub laid: Registered,
+    /// The right shape, if it was asked for, metres.
+    pub truth: Option<Vec<DVec3>>,
     /// How long laying on took, without reading and cleaning.
     pub seconds: f64,
 }
 
-/// Reads a kimono and a scan, cleans the scan and lays the kimono's base onto it.
-pub fn registration(places: &Places, id: &str, args: &ScanArgs) -> Result<Registration, String> {
+/// Reads a kimono, a scan and the right shape, cleans the scan and lays the kimono's base onto it.
+pub fn registration(places: &Places, id: &str, args: &ScanArgs, truth: Option<&Path>) -> Result<Registration, String> {
     let garment =
         places.source_with(id, &args.cache).ok_or_else(|| format!("{id} has mistakes: cargo xtask check {id}"))?;
     let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
+    // Before anything long is computed.
+    let truth = truth.map(|path| read_truth(path, base_m.len())).transpose()?;
     let read = args.read()?;
     let cleaned = args.clean(&read)?;
     let coloured = cleaned.carried(&read.mesh);
@@ -122,7 +127,7 @@ pub fn registration(places: &Places, id: &str, args: &ScanArgs) -> Result<Regist
     let started = Instant::now();
     let laid = register::register(&base_m, &garment.base.triangles, &scan, &register::Settings::default());
     let laid = laid.map_err(|error| error.to_string())?;
-    Ok(Registration { garment, base_m, scan, coloured, laid, seconds: started.elapsed().as_secs_f64() })
+    Ok(Registration { garment, base_m, scan, coloured, laid, truth, seconds: started.elapsed().as_secs_f64() })
 }
 
 /// The picture of a scan: in the file, or a file beside it or in a folder there.

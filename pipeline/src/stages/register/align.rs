@@ -157,7 +157,7 @@ fn small_turn(axis: DVec3, angle_rad: f64) -> DQuat {
 }
 
 /// Gaussian elimination of a symmetric positive definite system, its right side in the last column; `None` where it is singular.
-fn solved(mut system: [[f64; 7]; 6]) -> Option<[f64; 6]> {
+pub(super) fn solved(mut system: [[f64; 7]; 6]) -> Option<[f64; 6]> {
     for i in 0..6 {
         let pivot = system[i];
         if pivot[i].is_nan() || pivot[i] <= 1e-9 {

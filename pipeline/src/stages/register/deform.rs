@@ -22,6 +22,9 @@ const BORDER_FROM_M: f64 = 0.05;
 const BORDER_TRUST_M: f64 = 0.1;
 /// How much what lies over a hidden vertex pulls at it.
 const COVERED: f64 = 0.1;
+/// An edge may become longer or shorter by this share of its length; how much it counts that it stays so.
+const STRETCH: f64 = 0.08;
+const LIMIT: f64 = 10.0;
 /// Every vertex is held where it is by so much, so that the equations always have one solution.
 const HELD: f64 = 1e-6;
 /// So often the surroundings of triangles that stayed turned over are smoothed towards the base's own shape.
@@ -102,6 +105,12 @@ pub(super) fn deform(
     let rims = Rims::of(base_m, &border_edges(triangles));
     let ends = Ends { rims, fixed, scan, scan_borders: borders };
 
+    let lengths = |length_m: f64| length_m * (1.0 - STRETCH)..=length_m * (1.0 + STRETCH);
+    let mut edges: Vec<[u32; 2]> = Vec::new();
+    for v in 0..count as u32 {
+        edges.extend(near[v as usize].iter().filter(|&&n| n > v).map(|&n| [v, n]));
+    }
+    let mut is_limited = vec![false; edges.len()];
     let mut places = base_m.to_vec();
     let mut weights = vec![0.0; count];
     let rounds = settings.phases.iter().flat_map(|phase| (0..phase.rounds).map(move |round| (phase, round)));
@@ -117,10 +126,11 @@ pub(super) fn deform(
         };
         let stretch = stiff.sqrt() * settings.stretch;
         let mut entries: Vec<(u32, u32, f64)> = bends.iter().map(|&(a, b, value)| (a, b, stiff * value)).collect();
-        for v in 0..count as u32 {
-            for &n in near[v as usize].iter().filter(|&&n| n > v) {
-                entries.extend([(v, v, stretch), (n, n, stretch), (n, v, -stretch)]);
-            }
+        for (&[v, n], is_limited) in edges.iter().zip(&mut is_limited) {
+            let length_m = |of: &[DVec3]| of[v as usize].distance(of[n as usize]);
+            *is_limited |= !lengths(length_m(base_m)).contains(&length_m(&places));
+            let stretch = if *is_limited { stretch + LIMIT } else { stretch };
+            entries.extend([(v, v, stretch), (n, n, stretch), (n, v, -stretch)]);
         }
         let held = Matrix::new(count, &entries);
         let mut factor = None;
@@ -135,12 +145,6 @@ pub(super) fn deform(
                 right[v] += wanted;
                 let part = wanted / near[v].len().max(1) as f64;
                 near[v].iter().for_each(|&n| right[n as usize] -= part);
-                // Stretch: each edge as in the base, turned along with both its ends.
-                for &n in near[v].iter().filter(|&&n| n as usize > v) {
-                    let edge = (turns[v] + turns[n as usize]) * (base_m[v] - base_m[n as usize]) * (0.5 * stretch);
-                    right[v] += edge;
-                    right[n as usize] -= edge;
-                }
                 right[v] += HELD * places[v];
                 weights[v] = pulls[v].map_or(0.0, |pull| pull.weight);
                 if let Some(pull) = pulls[v] {
@@ -156,6 +160,20 @@ pub(super) fn deform(
                     own[v] += DMat3::from_diagonal(DVec3::splat(COVERED));
                     right[v] += COVERED * to;
                 }
+            }
+            // Stretch: each edge as in the base, turned along with both its ends; cloth hardly stretches, so that an edge that once was too long
+            // or too short is held to what cloth allows.
+            for (&[v, n], &is_limited) in edges.iter().zip(&is_limited) {
+                let (v, n) = (v as usize, n as usize);
+                let as_in_base = (turns[v] + turns[n]) * (base_m[v] - base_m[n]) * 0.5;
+                let mut wanted = as_in_base * stretch;
+                if is_limited {
+                    let now = places[v] - places[n];
+                    let allowed = lengths(base_m[v].distance(base_m[n]));
+                    wanted += now.normalize_or_zero() * now.length().clamp(*allowed.start(), *allowed.end()) * LIMIT;
+                }
+                right[v] += wanted;
+                right[n] -= wanted;
             }
             for &(v, to_m) in fixed {
                 own[v] += DMat3::from_diagonal(DVec3::splat(LANDMARK));

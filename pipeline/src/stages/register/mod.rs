@@ -1,15 +1,17 @@
 //! From a scan to a target: the base's own mesh is laid onto a scanned surface, so that every vertex stays the same point of cloth.
 //!
-//! First the scan is moved rigidly (`align`), then the base is deformed: nearest places that face the same way pull at what a scanner can
-//! see (`visible`), borders go to where the scan ends (`borders`, `rims`), what lies hidden goes with what lies over it, and the base's own
-//! curvature holds all together, more loosely from round to round (Amberg, Romdhani and Vetter 2007 anneal so; the energy is that of
-//! Sorkine's Laplacian coordinates, turned along locally). Knows no file and no garment.
+//! First the scan is moved rigidly (`align`), then the base is made as long and wide as it (`size`) and deformed (`deform`): nearest places
+//! that face the same way pull at what a scanner can see (`visible`), borders go to where the scan ends (`borders`, `rims`), what lies hidden
+//! goes with what lies over it, and the base's own curvature holds all together, more loosely from round to round (Amberg, Romdhani and
+//! Vetter 2007 anneal so; the energy is that of Sorkine's Laplacian coordinates, turned along locally). Cloth hardly stretches: edges that
+//! become too long or too short are held. Knows no file and no garment.
 
 mod align;
 mod borders;
 mod deform;
 mod rims;
 mod rotation;
+mod size;
 pub(super) mod surface;
 mod system;
 mod visible;
@@ -145,7 +147,8 @@ pub fn register(
     }
     let surface = surface.moved(|p| motion.place(p), |n| motion.rotation * n);
     let fixed = fixed(base_m, &scan.landmarks, &motion);
-    let laid = deform::deform(base_m, triangles, &seen, &fixed, &surface, settings)?;
+    let sized_m = size::sized_m(base_m, triangles, &seen, &surface);
+    let laid = deform::deform(&sized_m, triangles, &seen, &fixed, &surface, settings)?;
     let (to_scan_m, from_scan_m) = apart(&laid.positions_m, triangles, &seen, &surface);
     Ok(Registered {
         from_scan_m,

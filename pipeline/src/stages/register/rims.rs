@@ -23,6 +23,8 @@ const FOUND: f64 = 0.3;
 const LEAST: usize = 4;
 /// A run that is shorter than this is moved as a whole, not turned, metres.
 const TURNS_FROM_M: f64 = 0.15;
+/// A run is turned by no more, metres per metre: what is found at its end alone would turn it out of the cloth.
+const SLOPE: f64 = 0.05;
 /// What is found nearer than this to the line may say where exactly the scan ends, metres.
 const AGREE_M: f64 = 0.02;
 /// A border and what it finds must find each other within this and a share of their distance, metres.
@@ -199,7 +201,8 @@ fn outer_line(found: &[(f64, f64, f64)], may_turn: bool) -> [f64; 2] {
             wsf += weight * s * f;
         }
         let spread = w * wss - ws * ws;
-        let slope = if may_turn && spread > 1e-12 * w * w { (w * wsf - ws * wf) / spread } else { 0.0 };
+        let slope =
+            if may_turn && spread > 1e-12 * w * w { ((w * wsf - ws * wf) / spread).clamp(-SLOPE, SLOPE) } else { 0.0 };
         line = [(wf - slope * ws) / w, slope];
     }
     line
