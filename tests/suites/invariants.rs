@@ -112,8 +112,10 @@ fn rooms_stand_on_the_floors_below_them() {
     ];
     let drape: &[&[&str]] = &[
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
-        &["cloth_contact"],
-        &["relax"],
+        &["cloth_contact", "triangle_tree"],
+        &["intersections", "relax"],
+        &["body"],
+        &["certificate"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
     for (folder, floors) in crates {

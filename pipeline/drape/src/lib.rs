@@ -24,11 +24,15 @@
 //! ```
 
 pub mod analytic_form;
+pub mod body;
 mod cells;
+pub mod certificate;
 mod cloth_contact;
 pub mod depth_maps;
 pub mod fabric;
 pub mod forces;
+pub mod intersections;
 mod parallel;
 pub mod relax;
 pub mod sheet;
+pub mod triangle_tree;

@@ -30,15 +30,22 @@ pub fn collect<T: Send>(count: usize, values: impl Fn(usize, &mut Vec<T>) + Sync
         }
         return all;
     }
-    let chunks: Vec<Vec<T>> = (0..count.div_ceil(CHUNK))
+    collect_each(count.div_ceil(CHUNK), |chunk, found| {
+        for i in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
+            values(i, found);
+        }
+    })
+}
+
+/// As `collect`, where each number alone is work enough for a thread.
+pub fn collect_each<T: Send>(count: usize, values: impl Fn(usize, &mut Vec<T>) + Sync) -> Vec<T> {
+    let parts: Vec<Vec<T>> = (0..count)
         .into_par_iter()
-        .map(|chunk| {
+        .map(|i| {
             let mut found = Vec::new();
-            for i in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
-                values(i, &mut found);
-            }
+            values(i, &mut found);
             found
         })
         .collect();
-    chunks.into_iter().flatten().collect()
+    parts.into_iter().flatten().collect()
 }
