@@ -2,8 +2,8 @@
 //! body and no forces.
 //!
 //! The signs come from Shewchuk's adaptive predicates (Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
-//! Predicates, 1997; crate `robust`), so that each answer is exact for the coordinates as they are stored, of which the largest
-//! must be below some 1e70 m. Closed edges meet closed triangles: touching is meeting, also of vertices that have equal
+//! Predicates, 1997; crate `robust`), so that each answer is exact for the coordinates as they are stored, unless differences of
+//! them are so large or so small (above 1e70 m, below 1e-70 m) that products of three are no numbers. Closed edges meet closed triangles: touching is meeting, also of vertices that have equal
 //! coordinates and different numbers, as along a seam that is not welded.
 //!
 //! What is asked:
@@ -18,7 +18,7 @@
 //! edges meet others.
 
 use crate::parallel;
-use crate::triangle_tree::TriangleTree;
+use crate::triangle_tree::{Bounds, TriangleTree};
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D};
 
@@ -182,6 +182,9 @@ pub fn crossings(
 #[must_use]
 pub fn meeting(edge_m: [DVec3; 2], triangle_m: [DVec3; 3]) -> Option<DVec3> {
     let ([p, q], [a, b, c]) = (edge_m, triangle_m);
+    if !Bounds::around(&edge_m).overlaps(&Bounds::around(&triangle_m)) {
+        return None;
+    }
     let (p_below, q_below) = (below(a, b, c, p), below(a, b, c, q));
     if is_same_side(p_below, q_below) {
         return None;
@@ -236,6 +239,12 @@ fn folded_flat(positions_m: &[DVec3], a: [u32; 3], b: [u32; 3], triangle: u32) -
     let ends = ends_m(positions_m, edge);
     let opposite = |corners: [u32; 3]| corners.into_iter().find(|corner| !edge.contains(corner));
     let [one, other] = [opposite(a)?, opposite(b)?].map(|corner| positions_m[corner as usize]);
+    // Most hinges are wide open, more than rounding could make of one that is shut.
+    let (along_m, one_m, other_m) = (ends[1] - ends[0], one - ends[0], other - ends[0]);
+    let shut = along_m.cross(one_m).dot(along_m.cross(other_m));
+    if shut < -1e-9 * along_m.length_squared() * one_m.length() * other_m.length() {
+        return None;
+    }
     if below(ends[0], ends[1], one, other) != 0.0 {
         return None;
     }
