@@ -15,14 +15,17 @@ const SIDE: usize = 118;
 const SPACING_M: f64 = 0.008;
 const TIMED_S: f64 = 0.5;
 
-fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+type Fault = Box<dyn std::error::Error + Send + Sync>;
+type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
+
+fn main() -> Result<(), Fault> {
     for threads in [1, 2] {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(|| measure(threads))?;
     }
     Ok(())
 }
 
-fn measure(threads: usize) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+fn measure(threads: usize) -> Result<(), Fault> {
     let grid = Grid {
         rows: SIDE,
         columns: SIDE,
@@ -105,7 +108,7 @@ fn folded(place_m: DVec3) -> DVec3 {
 }
 
 /// Positions and triangles of an OBJ file.
-fn mesh(text: &str) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Box<dyn std::error::Error + Send + Sync>> {
+fn mesh(text: &str) -> Result<Mesh, Fault> {
     let (mut positions_m, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();

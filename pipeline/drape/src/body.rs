@@ -11,7 +11,7 @@
 //! Distances are to all triangles, also to those that lie in another part of the body.
 
 use crate::intersections::{Crossing, Surface, below, flat, left};
-use crate::triangle_tree::Bounds;
+use crate::triangle_tree::Extent;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -187,15 +187,15 @@ impl Body {
     /// the surface, which get the number of one of its sides.
     #[must_use]
     pub fn winding_number(&self, place_m: DVec3) -> i32 {
-        let bounds = self.surface.tree().bounds();
-        if !(place_m.cmpge(bounds.low_m) & place_m.cmple(bounds.high_m)).all() {
+        let extent = self.surface.tree().extent();
+        if !(place_m.cmpge(extent.low_m) & place_m.cmple(extent.high_m)).all() {
             return 0;
         }
         // The shortest way out of the box meets the fewest triangles.
-        let (up_m, down_m) = (bounds.high_m - place_m, place_m - bounds.low_m);
+        let (up_m, down_m) = (extent.high_m - place_m, place_m - extent.low_m);
         let axis = up_m.min(down_m).min_position();
         let is_up = up_m[axis] <= down_m[axis];
-        let mut ahead = Bounds { low_m: place_m, high_m: place_m };
+        let mut ahead = Extent { low_m: place_m, high_m: place_m };
         if is_up {
             ahead.high_m[axis] = f64::INFINITY;
         } else {

@@ -18,7 +18,7 @@
 //! edges meet others.
 
 use crate::parallel;
-use crate::triangle_tree::{Bounds, TriangleTree};
+use crate::triangle_tree::{Extent, TriangleTree};
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D};
 
@@ -182,7 +182,7 @@ pub fn crossings(
 #[must_use]
 pub fn meeting(edge_m: [DVec3; 2], triangle_m: [DVec3; 3]) -> Option<DVec3> {
     let ([p, q], [a, b, c]) = (edge_m, triangle_m);
-    if !Bounds::around(&edge_m).overlaps(&Bounds::around(&triangle_m)) {
+    if !Extent::around(&edge_m).overlaps(&Extent::around(&triangle_m)) {
         return None;
     }
     let (p_below, q_below) = (below(a, b, c, p), below(a, b, c, q));

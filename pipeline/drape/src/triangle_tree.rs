@@ -8,7 +8,7 @@ use crate::parallel;
 use glam::DVec3;
 
 /// Most triangles of a leaf.
-const LEAF: usize = 4;
+const LEAF: usize = 8;
 /// Nodes that a query may hold back: one per level, and halving 2³² triangles takes 32 levels.
 const DEEPEST: usize = 40;
 /// Pairs of subtrees that are handed to threads, at least, where there are so many.
@@ -16,7 +16,7 @@ const TASKS: usize = 128;
 
 /// A box along the axes, closed: what touches it is in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub struct Extent {
     /// Its least coordinates, metres.
     pub low_m: DVec3,
     /// Its greatest coordinates, metres.
@@ -25,7 +25,7 @@ pub struct Bounds {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    bounds: Bounds,
+    extent: Extent,
     /// Of a leaf its first triangle, of others the second child; the first one is the next node.
     next: u32,
     /// Triangles of a leaf; 0 of others.
@@ -38,7 +38,7 @@ pub struct TriangleTree {
     /// Parents before their children.
     nodes: Vec<Node>,
     /// In the order of the leaves, as the next two: a triangle's box, corners and number in the mesh.
-    boxes: Vec<Bounds>,
+    boxes: Vec<Extent>,
     corners: Vec<[u32; 3]>,
     numbers: Vec<u32>,
 }
@@ -56,32 +56,32 @@ pub struct Nearest {
     pub squared_m2: f64,
 }
 
-impl Bounds {
+impl Extent {
     /// Around places; of none, a box that overlaps nothing.
     #[must_use]
-    pub fn around(places_m: &[DVec3]) -> Bounds {
-        let mut bounds = Bounds { low_m: DVec3::INFINITY, high_m: DVec3::NEG_INFINITY };
+    pub fn around(places_m: &[DVec3]) -> Extent {
+        let mut extent = Extent { low_m: DVec3::INFINITY, high_m: DVec3::NEG_INFINITY };
         for &place in places_m {
-            bounds = Bounds { low_m: bounds.low_m.min(place), high_m: bounds.high_m.max(place) };
+            extent = Extent { low_m: extent.low_m.min(place), high_m: extent.high_m.max(place) };
         }
-        bounds
+        extent
     }
 
     /// Around both.
     #[must_use]
-    pub fn union(self, other: Bounds) -> Bounds {
-        Bounds { low_m: self.low_m.min(other.low_m), high_m: self.high_m.max(other.high_m) }
+    pub fn union(self, other: Extent) -> Extent {
+        Extent { low_m: self.low_m.min(other.low_m), high_m: self.high_m.max(other.high_m) }
     }
 
     /// Larger by a distance on every side.
     #[must_use]
-    pub fn grown(self, by_m: f64) -> Bounds {
-        Bounds { low_m: self.low_m - by_m, high_m: self.high_m + by_m }
+    pub fn grown(self, by_m: f64) -> Extent {
+        Extent { low_m: self.low_m - by_m, high_m: self.high_m + by_m }
     }
 
     /// Whether the two have a place in common.
     #[must_use]
-    pub fn overlaps(&self, other: &Bounds) -> bool {
+    pub fn overlaps(&self, other: &Extent) -> bool {
         // All six are compared, which is faster than to leave early.
         let from = self.low_m.cmple(other.high_m);
         let to = other.low_m.cmple(self.high_m);
@@ -105,11 +105,11 @@ impl TriangleTree {
         let middles_m: Vec<DVec3> = triangles
             .iter()
             .map(|corners| {
-                let bounds = bounds_of(positions_m, corners);
-                0.5 * (bounds.low_m + bounds.high_m)
+                let extent = extent_of(positions_m, corners);
+                0.5 * (extent.low_m + extent.high_m)
             })
             .collect();
-        let empty = Bounds::around(&[]);
+        let empty = Extent::around(&[]);
         let mut nodes: Vec<Node> = Vec::new();
         // Range of triangles, and the parent whose second child it is.
         let mut waiting: Vec<(usize, usize, Option<usize>)> = vec![(0, triangles.len(), None)];
@@ -119,13 +119,13 @@ impl TriangleTree {
                 nodes[parent].next = second;
             }
             if to - from <= LEAF {
-                nodes.push(Node { bounds: empty, next: from as u32, count: (to - from) as u32 });
+                nodes.push(Node { extent: empty, next: from as u32, count: (to - from) as u32 });
                 continue;
             }
             let mut span = empty;
             for &number in &numbers[from..to] {
                 let middle_m = middles_m[number as usize];
-                span = span.union(Bounds { low_m: middle_m, high_m: middle_m });
+                span = span.union(Extent { low_m: middle_m, high_m: middle_m });
             }
             let axis = (span.high_m - span.low_m).max_position();
             let half = (to - from) / 2;
@@ -134,7 +134,7 @@ impl TriangleTree {
                 .select_nth_unstable_by(half, |&a, &b| along(a).total_cmp(&along(b)).then_with(|| a.cmp(&b)));
             waiting.push((from + half, to, Some(nodes.len())));
             waiting.push((from, from + half, None));
-            nodes.push(Node { bounds: empty, next: 0, count: 0 });
+            nodes.push(Node { extent: empty, next: 0, count: 0 });
         }
         let corners: Vec<[u32; 3]> = numbers.iter().map(|&number| triangles[number as usize]).collect();
         let mut tree = TriangleTree { nodes, boxes: vec![empty; corners.len()], corners, numbers };
@@ -149,35 +149,35 @@ impl TriangleTree {
     pub fn refit(&mut self, positions_m: &[DVec3]) {
         for i in (0..self.nodes.len()).rev() {
             let Node { next, count, .. } = self.nodes[i];
-            let mut bounds = Bounds::around(&[]);
+            let mut extent = Extent::around(&[]);
             if count > 0 {
                 for item in next as usize..(next + count) as usize {
-                    self.boxes[item] = bounds_of(positions_m, &self.corners[item]);
-                    bounds = bounds.union(self.boxes[item]);
+                    self.boxes[item] = extent_of(positions_m, &self.corners[item]);
+                    extent = extent.union(self.boxes[item]);
                 }
             } else if !self.boxes.is_empty() {
-                bounds = self.nodes[i + 1].bounds.union(self.nodes[next as usize].bounds);
+                extent = self.nodes[i + 1].extent.union(self.nodes[next as usize].extent);
             }
-            self.nodes[i].bounds = bounds;
+            self.nodes[i].extent = extent;
         }
     }
 
     /// The box about all triangles.
     #[must_use]
-    pub fn bounds(&self) -> Bounds {
-        self.nodes[0].bounds
+    pub fn extent(&self) -> Extent {
+        self.nodes[0].extent
     }
 
-    /// Calls `visit` with every triangle (its number and corners) whose box overlaps `bounds`, in an order that the tree alone
+    /// Calls `visit` with every triangle (its number and corners) whose box overlaps `extent`, in an order that the tree alone
     /// decides.
-    pub fn overlapping(&self, bounds: &Bounds, mut visit: impl FnMut(u32, [u32; 3])) {
+    pub fn overlapping(&self, extent: &Extent, mut visit: impl FnMut(u32, [u32; 3])) {
         let mut waiting = [0u32; DEEPEST];
         let mut held = 1;
         while held > 0 {
             held -= 1;
             let at = waiting[held] as usize;
             let node = &self.nodes[at];
-            if !node.bounds.overlaps(bounds) {
+            if !node.extent.overlaps(extent) {
                 continue;
             }
             if node.count == 0 && !self.boxes.is_empty() {
@@ -187,7 +187,7 @@ impl TriangleTree {
                 continue;
             }
             for item in node.next as usize..(node.next + node.count) as usize {
-                if self.boxes[item].overlaps(bounds) {
+                if self.boxes[item].overlaps(extent) {
                     visit(self.numbers[item], self.corners[item]);
                 }
             }
@@ -201,7 +201,7 @@ impl TriangleTree {
         let mut best_m2 = within_m * within_m;
         let mut found: Option<Nearest> = None;
         let mut waiting = [(0u32, 0.0f64); DEEPEST];
-        waiting[0] = (0, self.nodes[0].bounds.squared_m2(place_m));
+        waiting[0] = (0, self.nodes[0].extent.squared_m2(place_m));
         let mut held = 1;
         while held > 0 {
             held -= 1;
@@ -212,7 +212,7 @@ impl TriangleTree {
             let node = &self.nodes[at as usize];
             if node.count == 0 && !self.boxes.is_empty() {
                 let children = [at + 1, node.next];
-                let mut pair = children.map(|child| (child, self.nodes[child as usize].bounds.squared_m2(place_m)));
+                let mut pair = children.map(|child| (child, self.nodes[child as usize].extent.squared_m2(place_m)));
                 if pair[0].1 < pair[1].1 {
                     pair.swap(0, 1);
                 }
@@ -293,10 +293,10 @@ fn open(
     let is_itself = is_same && i == j;
     if left.count > 0 && right.count > 0 {
         for first in left.next as usize..(left.next + left.count) as usize {
-            let bounds = a.boxes[first].grown(reach_m);
+            let extent = a.boxes[first].grown(reach_m);
             let from = if is_itself { first + 1 } else { right.next as usize };
             for second in from..(right.next + right.count) as usize {
-                if bounds.overlaps(&b.boxes[second]) {
+                if extent.overlaps(&b.boxes[second]) {
                     let pair = [a.numbers[first], b.numbers[second]];
                     found.push(if is_same && pair[0] > pair[1] { [pair[1], pair[0]] } else { pair });
                 }
@@ -310,18 +310,18 @@ fn open(
     }
     let halves = |node: &Node, at: u32| if node.count > 0 { [Some(at), None] } else { [Some(at + 1), Some(node.next)] };
     for first in halves(left, i).into_iter().flatten() {
-        let bounds = a.nodes[first as usize].bounds.grown(reach_m);
+        let extent = a.nodes[first as usize].extent.grown(reach_m);
         for second in halves(right, j).into_iter().flatten() {
-            if bounds.overlaps(&b.nodes[second as usize].bounds) {
+            if extent.overlaps(&b.nodes[second as usize].extent) {
                 waiting.push([first, second]);
             }
         }
     }
 }
 
-fn bounds_of(positions_m: &[DVec3], corners: &[u32; 3]) -> Bounds {
+fn extent_of(positions_m: &[DVec3], corners: &[u32; 3]) -> Extent {
     let [a, b, c] = corners.map(|corner| positions_m[corner as usize]);
-    Bounds { low_m: a.min(b).min(c), high_m: a.max(b).max(c) }
+    Extent { low_m: a.min(b).min(c), high_m: a.max(b).max(c) }
 }
 
 /// The nearest place of a closed triangle and its barycentric coordinates (Ericson, Real-Time Collision Detection, 5.1.5).
@@ -395,13 +395,13 @@ mod tests {
             let (other_m, other) = soup(77, 300, 0.2);
             let other_tree = TriangleTree::new(&other_m, &other);
             for _ in 0..2 {
-                let boxes = |positions_m: &[DVec3], triangles: &[[u32; 3]]| -> Vec<Bounds> {
-                    triangles.iter().map(|corners| bounds_of(positions_m, corners)).collect()
+                let boxes = |positions_m: &[DVec3], triangles: &[[u32; 3]]| -> Vec<Extent> {
+                    triangles.iter().map(|corners| extent_of(positions_m, corners)).collect()
                 };
                 let (mine, others) = (boxes(&positions_m, &triangles), boxes(&other_m, &other));
                 let (mut selves, mut between) = (Vec::new(), Vec::new());
-                for (i, bounds) in mine.iter().enumerate() {
-                    let near = |(j, other): (usize, &Bounds)| bounds.grown(0.03).overlaps(other).then_some(j as u32);
+                for (i, extent) in mine.iter().enumerate() {
+                    let near = |(j, other): (usize, &Extent)| extent.grown(0.03).overlaps(other).then_some(j as u32);
                     selves.extend(mine.iter().enumerate().skip(i + 1).filter_map(near).map(|j| [i as u32, j]));
                     between.extend(others.iter().enumerate().filter_map(near).map(|j| [i as u32, j]));
                 }
@@ -411,11 +411,11 @@ mod tests {
                 };
                 assert!(sorted(tree.self_pairs(0.03)) == selves);
                 assert!(sorted(tree.pairs(&other_tree, 0.03)) == between);
-                for (j, bounds) in others.iter().enumerate() {
+                for (j, extent) in others.iter().enumerate() {
                     let mut found = Vec::new();
-                    tree.overlapping(&bounds.grown(0.03), |number, _| found.push(number));
+                    tree.overlapping(&extent.grown(0.03), |number, _| found.push(number));
                     found.sort_unstable();
-                    let wanted = (0..count as u32).filter(|&i| mine[i as usize].overlaps(&bounds.grown(0.03)));
+                    let wanted = (0..count as u32).filter(|&i| mine[i as usize].overlaps(&extent.grown(0.03)));
                     assert!(found.iter().copied().eq(wanted), "{j}");
                 }
                 for &place in &other_m[..60] {

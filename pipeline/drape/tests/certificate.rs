@@ -1,5 +1,6 @@
 //! Crossings, distances and certificates against what can be worked out by hand, against comparing all with all, and on the
 //! shared data where it is there.
+#![allow(clippy::print_stderr)]
 
 use glam::{DMat3, DVec3};
 use kitsuke_drape::analytic_form;
@@ -251,8 +252,47 @@ fn meeting_is_exact_against_whole_numbers() {
         let is_through = hands.iter().all(|&hand| hand >= 0) || hands.iter().all(|&hand| hand <= 0);
         let wanted = p_below.signum() * q_below.signum() <= 0 && is_through;
         // Far from the origin by a sum that is not rounded, so that products are.
-        let at = |place: [i64; 3]| DVec3::from(place.map(|part| (part as f64).mul_add(2f64.powi(-40), 1.0)));
+        let at = |place: [i64; 3]| DVec3::from(place.map(|part| 1.0 + part as f64 * 2f64.powi(-40)));
         assert_eq!(meeting([p, q].map(at), [a, b, c].map(at)).is_some(), wanted, "{p:?} {q:?} {a:?} {b:?} {c:?}");
+        met += usize::from(wanted);
+        passed += usize::from(!wanted);
+    }
+    assert!(met > 10_000 && passed > 10_000, "{met} {passed}");
+}
+
+/// In a plane: what the three half planes of the triangle leave of the edge, in fractions.
+#[test]
+fn meeting_in_a_plane_is_exact_against_fractions() {
+    let area = |[a, b, c]: [[i64; 2]; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let (mut met, mut passed, mut number) = (0, 0, numbers(10));
+    for i in 0..100_000 {
+        let [p, q, a, mut b, mut c] = [(); 5].map(|()| [(); 2].map(|()| (number() * 4.5).round() as i64));
+        if area([a, b, c]) < 0 {
+            std::mem::swap(&mut b, &mut c);
+        }
+        if area([a, b, c]) == 0 {
+            continue;
+        }
+        // From `from` to `to` of the way from p to q, numerator and denominator.
+        let (mut from, mut to, mut is_left) = ([0, 1], [1, 1], true);
+        for [low, high] in [[a, b], [b, c], [c, a]] {
+            let (at_p, at_q) = (area([low, high, p]), area([low, high, q]));
+            let cut = [at_p.abs(), (at_p - at_q).abs()];
+            if at_p < 0 && at_q < 0 {
+                is_left = false;
+            } else if at_p < 0 && cut[0] * from[1] > from[0] * cut[1] {
+                from = cut;
+            } else if at_q < 0 && cut[0] * to[1] < to[0] * cut[1] {
+                to = cut;
+            }
+        }
+        let wanted = is_left && from[0] * to[1] <= to[0] * from[1];
+        let at = |[x, y]: [i64; 2]| {
+            let [x, y] = [x, y].map(|part| 1.0 + part as f64 * 2f64.powi(-40));
+            DVec3::from([[x, y, 0.7], [y, 0.7, x], [0.7, x, y]][i % 3])
+        };
+        let found = meeting([p, q].map(at), [a, b, c].map(at));
+        assert_eq!(found.is_some(), wanted, "{p:?} {q:?} {a:?} {b:?} {c:?}");
         met += usize::from(wanted);
         passed += usize::from(!wanted);
     }
@@ -326,7 +366,7 @@ fn winding_numbers_are_right_where_rays_meet_edges() {
             0.5 * size_m - from_middle_m
         };
         let depths_m = [side(DVec3::ZERO, 1.0), side(DVec3::new(0.75, 0.25, 0.25), 0.5)];
-        if depths_m.iter().any(|&depth_m| depth_m == 0.0) {
+        if depths_m.contains(&0.0) {
             continue;
         }
         let wanted = depths_m.iter().filter(|&&depth_m| depth_m > 0.0).count() as i32;
@@ -527,5 +567,8 @@ fn the_reference_drape_is_looked_at() {
     let Some(body) = shared("body/b04.obj") else { return };
     let body = Body::new(&body.0, &body.1).unwrap();
     let still = vec![DVec3::ZERO; positions_m.len()];
-    eprintln!("{}", certify(&positions_m, &still, &triangles, Some(&body), Bounds::default()));
+    let certificate = certify(&positions_m, &still, &triangles, Some(&body), Bounds::default());
+    eprintln!("{certificate}");
+    assert!(certificate.inside.is_empty() && certificate.body_crossings.is_empty());
+    assert_eq!(certificate.self_crossings, own);
 }
