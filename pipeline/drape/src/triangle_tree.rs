@@ -195,7 +195,7 @@ impl TriangleTree {
     }
 
     /// The place on the triangles that is nearest to `place_m` and not farther than `within_m` (infinity for any); none where there
-    /// is none. `positions_m` are those to which the tree was fitted. Triangles without area are passed over.
+    /// is none. `positions_m` are those to which the tree was fitted. Triangles without area count as their edges, or not at all.
     #[must_use]
     pub fn nearest(&self, positions_m: &[DVec3], place_m: DVec3, within_m: f64) -> Option<Nearest> {
         let mut best_m2 = within_m * within_m;

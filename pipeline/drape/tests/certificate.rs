@@ -374,6 +374,29 @@ fn winding_numbers_are_right_where_rays_meet_edges() {
     }
 }
 
+/// A needle along an edge, one across a face, an edge and a point.
+#[test]
+fn triangles_without_area_change_no_distance() {
+    let (mut positions_m, mut triangles) = cube();
+    let plain = Body::new(&positions_m, &triangles).unwrap();
+    positions_m.extend([DVec3::X / 3.0, DVec3::new(0.7, 0.7, 0.0)]);
+    triangles.extend([[0, 8, 1], [0, 1, 8], [0, 9, 3], [0, 3, 9], [5, 6, 6], [7, 7, 7]]);
+    let body = Body::new(&positions_m, &triangles).unwrap();
+    let mut number = numbers(8);
+    for i in 0..2000 {
+        let mut place_m = 0.5 + 0.8 * DVec3::new(number(), number(), number());
+        if i % 3 == 0 {
+            place_m.z = -0.01;
+        }
+        // The inner edge 5-6 lies in the body, and is near to what is deep in it.
+        let [one, other] = [&plain, &body].map(|body| body.signed_distance(place_m, f64::INFINITY).unwrap().distance_m);
+        let [from_m, to_m] = [5, 6].map(|corner: usize| positions_m[corner]);
+        let share = ((place_m - from_m).dot(to_m - from_m) / 2.0).clamp(0.0, 1.0);
+        let from_edge_m = (from_m.lerp(to_m, share) - place_m).length();
+        assert!((one.signum() * one.abs().min(from_edge_m) - other).abs() < 1e-12, "{place_m} {one} {other}");
+    }
+}
+
 #[test]
 fn bodies_that_are_none_say_why() {
     let (positions_m, triangles) = cube();
