@@ -203,8 +203,7 @@ pub fn meeting(edge_m: [DVec3; 2], triangle_m: [DVec3; 3]) -> Option<DVec3> {
 /// Of an edge in the plane of a triangle.
 fn meeting_in_plane([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> Option<DVec3> {
     let axis = (0..3).find(|&axis| left(flat(a, axis), flat(b, axis), flat(c, axis)) != 0.0)?;
-    let corners = [a, b, c];
-    let flat_corners = corners.map(|corner| flat(corner, axis));
+    let flat_corners = [a, b, c].map(|corner| flat(corner, axis));
     let (flat_p, flat_q) = (flat(p, axis), flat(q, axis));
     for (end, flat_end) in [(p, flat_p), (q, flat_q)] {
         let hands: [f64; 3] = std::array::from_fn(|i| left(flat_corners[i], flat_corners[(i + 1) % 3], flat_end));
@@ -220,13 +219,9 @@ fn meeting_in_plane([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> Option<DVec3> 
         if is_same_side(p_left, q_left) || is_same_side(from_left, to_left) {
             continue;
         }
+        // Along a side on its own line, it passes the other two at their ends.
         if p_left != q_left {
             return Some(p.lerp(q, p_left / (p_left - q_left)));
-        }
-        // On one line, where both ends of the side or none lie within the edge, because no end of the edge lies in the side.
-        let (low, high) = (flat_p.min(flat_q), flat_p.max(flat_q));
-        if from.cmpge(low).all() && from.cmple(high).all() {
-            return Some(corners[i]);
         }
     }
     None
