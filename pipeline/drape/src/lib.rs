@@ -1,5 +1,5 @@
-//! Cloth on a body: a sheet of particles comes to rest on a body under its weight (Hanami and Tokoi, the P2 of this
-//! project). Knows no file formats, no garments and no packs, so that an interactive app may link it alone.
+//! Cloth on a body: a sheet of particles comes to rest on a body under its weight, by the model of Hanami and Tokoi (`relax`, the P2 of
+//! this project) or by the solver for production (`drape`), whose rest is certified (`certificate`). Knows no file formats, no garments and no packs, so that an interactive app may link it alone.
 //!
 //! Metres, newtons, kilograms, radians; right-handed, Y up, +Z front. Same inputs give the same bytes on any number of threads.
 //!
@@ -29,10 +29,15 @@ mod cells;
 pub mod certificate;
 mod cloth_contact;
 pub mod depth_maps;
+pub mod drape;
 pub mod fabric;
 pub mod forces;
 pub mod intersections;
+pub mod links;
+pub mod near_pairs;
 mod parallel;
+mod patches;
 pub mod relax;
 pub mod sheet;
 pub mod triangle_tree;
+pub mod woven;

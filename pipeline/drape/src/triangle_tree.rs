@@ -325,7 +325,7 @@ fn extent_of(positions_m: &[DVec3], corners: &[u32; 3]) -> Extent {
 }
 
 /// The nearest place of a closed triangle and its barycentric coordinates (Ericson, Real-Time Collision Detection, 5.1.5).
-fn nearest_on_triangle([a, b, c]: [DVec3; 3], place_m: DVec3) -> (DVec3, DVec3) {
+pub(crate) fn nearest_on_triangle([a, b, c]: [DVec3; 3], place_m: DVec3) -> (DVec3, DVec3) {
     let (ab, ac) = (b - a, c - a);
     let from_a = place_m - a;
     let (d1, d2) = (ab.dot(from_a), ac.dot(from_a));

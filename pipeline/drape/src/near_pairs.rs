@@ -1,0 +1,211 @@
+//! Where cloth comes near itself, and how far each particle may go before anything can meet: vertices with triangles and edges with edges,
+//! by their exact distances. If no particle goes farther than its bound, cloth that was clear of itself stays so, however the solver moves
+//! it (the bound of Chen et al., Offset Geometric Contact, 2025). Knows no forces.
+
+use crate::parallel;
+use crate::triangle_tree::{Extent, TriangleTree, nearest_on_triangle};
+use glam::DVec3;
+
+/// Two things that each go less than half of their distance do not meet; the rest is for rounding.
+const OF_DISTANCE: f64 = 0.45;
+/// Nearer than this a bound shrinks with the square of the distance, metres: what is pressed together comes ever nearer, but never meets, not
+/// even after rounding.
+const CLOSE_M: f64 = 5e-4;
+/// Pairs of triangles that a thread takes at once.
+const AT_ONCE: usize = 2048;
+
+/// A vertex and a triangle or two edges, as the vector from one to the other: the sum of four particles' places, each times a weight.
+#[derive(Clone, Copy, Debug)]
+pub struct NearPair {
+    /// The particles.
+    pub corners: [u32; 4],
+    /// How many of them are of the first one: a vertex, or the ends of an edge.
+    pub of_first: usize,
+    /// 1 in sum over the first one, -1 over the second.
+    pub weights: [f64; 4],
+    /// Unit, from the second to the first.
+    pub normal: DVec3,
+    /// Metres.
+    pub distance_m: f64,
+    /// Whether an edge joins the two.
+    pub are_neighbours: bool,
+}
+
+/// A mesh whose near pairs are found again and again.
+#[derive(Clone, Debug)]
+pub struct NearPairs {
+    triangles: Vec<[u32; 3]>,
+    tree: TriangleTree,
+    /// For each triangle the corners and edges that no earlier triangle has, so that each pair is found once.
+    vertices: Vec<[bool; 3]>,
+    edges: Vec<[bool; 3]>,
+    /// The neighbours of each vertex, ascending.
+    neighbours: Vec<Vec<u32>>,
+}
+
+/// What is near at one time.
+#[derive(Clone, Debug, Default)]
+pub struct Found {
+    /// Pairs nearer than was asked.
+    pub pairs: Vec<NearPair>,
+    /// How far each particle may go, metres.
+    pub bounds_m: Vec<f64>,
+}
+
+impl NearPairs {
+    /// For a mesh with vertices at `positions_m`.
+    ///
+    /// # Panics
+    /// When a triangle names a vertex that is not there.
+    #[must_use]
+    pub fn new(positions_m: &[DVec3], triangles: &[[u32; 3]]) -> NearPairs {
+        let mut neighbours = vec![Vec::new(); positions_m.len()];
+        let mut has_vertex = vec![false; positions_m.len()];
+        let mut has_edge = std::collections::BTreeSet::new();
+        let (mut vertices, mut edges) = (Vec::new(), Vec::new());
+        for corners in triangles {
+            vertices.push(corners.map(|v| !std::mem::replace(&mut has_vertex[v as usize], true)));
+            let sides = [[corners[0], corners[1]], [corners[1], corners[2]], [corners[2], corners[0]]];
+            edges.push(sides.map(|[a, b]| {
+                neighbours[a as usize].push(b);
+                neighbours[b as usize].push(a);
+                has_edge.insert([a.min(b), a.max(b)])
+            }));
+        }
+        for near in &mut neighbours {
+            near.sort_unstable();
+            near.dedup();
+        }
+        let tree = TriangleTree::new(positions_m, triangles);
+        NearPairs { triangles: triangles.to_vec(), tree, vertices, edges, neighbours }
+    }
+
+    /// Looks for all that comes nearer than `reach_m`. The same on any number of threads.
+    pub fn find(&mut self, positions_m: &[DVec3], reach_m: f64) -> Found {
+        self.tree.refit(positions_m);
+        let near = self.tree.self_pairs(reach_m);
+        let this = &*self;
+        let parts = parallel::collect_each(near.len().div_ceil(AT_ONCE), |part, found: &mut Vec<Part>| {
+            let mut pairs = Vec::new();
+            let mut least = Vec::new();
+            for &[first, second] in &near[part * AT_ONCE..near.len().min((part + 1) * AT_ONCE)] {
+                this.near(positions_m, [first, second], reach_m, &mut |pair| {
+                    least.push((pair.corners, pair.distance_m));
+                    if pair.distance_m > 0.0 {
+                        pairs.push(NearPair { are_neighbours: this.are_neighbours(&pair), ..pair });
+                    }
+                });
+            }
+            found.push(Part { pairs, least });
+        });
+        let mut found = Found { pairs: Vec::new(), bounds_m: vec![OF_DISTANCE * reach_m; positions_m.len()] };
+        for part in parts {
+            found.pairs.extend(part.pairs);
+            for (corners, distance_m) in part.least {
+                for corner in corners {
+                    let bound_m = &mut found.bounds_m[corner as usize];
+                    *bound_m = bound_m.min(OF_DISTANCE * distance_m * (distance_m / CLOSE_M).min(1.0));
+                }
+            }
+        }
+        found
+    }
+
+    fn near(&self, positions_m: &[DVec3], pair: [u32; 2], reach_m: f64, add: &mut impl FnMut(NearPair)) {
+        let place = |v: u32| positions_m[v as usize];
+        let corners = pair.map(|t| self.triangles[t as usize]);
+        let boxes = corners.map(|corners| Extent::around(&corners.map(place)).grown(reach_m));
+        for (of, other) in [(0, 1), (1, 0)] {
+            let triangle = corners[other];
+            for (side, &vertex) in corners[of].iter().enumerate() {
+                if !self.vertices[pair[of] as usize][side] || triangle.contains(&vertex) {
+                    continue;
+                }
+                let at = place(vertex);
+                if !boxes[other].overlaps(&Extent { low_m: at, high_m: at }) {
+                    continue;
+                }
+                let (nearest_m, shares) = nearest_on_triangle(triangle.map(place), at);
+                let way = at - nearest_m;
+                let squared = way.length_squared();
+                if squared < reach_m * reach_m {
+                    let distance_m = squared.sqrt();
+                    add(NearPair {
+                        corners: [vertex, triangle[0], triangle[1], triangle[2]],
+                        of_first: 1,
+                        weights: [1.0, -shares.x, -shares.y, -shares.z],
+                        normal: way / distance_m.max(f64::MIN_POSITIVE),
+                        distance_m,
+                        are_neighbours: false,
+                    });
+                }
+            }
+        }
+        let sides = |t: usize| {
+            let [a, b, c] = corners[t];
+            [[a, b], [b, c], [c, a]]
+        };
+        for (i, first) in sides(0).into_iter().enumerate() {
+            if !self.edges[pair[0] as usize][i] {
+                continue;
+            }
+            let ends = first.map(place);
+            let around = Extent::around(&ends);
+            if !boxes[1].overlaps(&around) {
+                continue;
+            }
+            for (j, second) in sides(1).into_iter().enumerate() {
+                if !self.edges[pair[1] as usize][j] || first.contains(&second[0]) || first.contains(&second[1]) {
+                    continue;
+                }
+                let others = second.map(place);
+                if !Extent::around(&others).grown(reach_m).overlaps(&around) {
+                    continue;
+                }
+                let [s, t] = nearest_of_edges(ends, others);
+                let way = ends[0] + (ends[1] - ends[0]) * s - others[0] - (others[1] - others[0]) * t;
+                let squared = way.length_squared();
+                if squared < reach_m * reach_m {
+                    let distance_m = squared.sqrt();
+                    add(NearPair {
+                        corners: [first[0], first[1], second[0], second[1]],
+                        of_first: 2,
+                        weights: [1.0 - s, s, t - 1.0, -t],
+                        normal: way / distance_m.max(f64::MIN_POSITIVE),
+                        distance_m,
+                        are_neighbours: false,
+                    });
+                }
+            }
+        }
+    }
+
+    /// Whether an edge joins the two.
+    fn are_neighbours(&self, pair: &NearPair) -> bool {
+        let (first, second) = pair.corners.split_at(pair.of_first);
+        first.iter().any(|&a| second.iter().any(|b| self.neighbours[a as usize].binary_search(b).is_ok()))
+    }
+}
+
+struct Part {
+    pairs: Vec<NearPair>,
+    least: Vec<([u32; 4], f64)>,
+}
+
+/// Shares along two edges of their nearest places (Ericson, Real-Time Collision Detection, 5.1.9).
+fn nearest_of_edges([a, b]: [DVec3; 2], [c, d]: [DVec3; 2]) -> [f64; 2] {
+    let (along, other, between) = (b - a, d - c, a - c);
+    let (aa, bb) = (along.length_squared(), other.length_squared());
+    let (ab, ac, bc) = (along.dot(other), along.dot(between), other.dot(between));
+    let spread = aa * bb - ab * ab;
+    let mut s = if spread > 1e-12 * aa * bb { ((ab * bc - ac * bb) / spread).clamp(0.0, 1.0) } else { 0.0 };
+    let mut t = if bb > 0.0 { (ab * s + bc) / bb } else { 0.0 };
+    if t < 0.0 {
+        t = 0.0;
+        s = if aa > 0.0 { (-ac / aa).clamp(0.0, 1.0) } else { 0.0 };
+    } else if t > 1.0 {
+        t = 1.0;
+        s = if aa > 0.0 { ((ab - ac) / aa).clamp(0.0, 1.0) } else { 0.0 };
+    }
+    [s, t]
+}
