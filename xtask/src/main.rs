@@ -10,6 +10,7 @@ mod clean;
 mod compare_packs;
 mod compare_registration;
 mod covered;
+mod drape_scene;
 mod evaluate;
 mod fit;
 mod inspect;
@@ -53,6 +54,7 @@ enum Verb {
     ComparePacks(compare_packs::Args),
     CompareRegistration(compare_registration::Args),
     Covered(covered::Args),
+    DrapeScene(drape_scene::Args),
     Evaluate(evaluate::Args),
     Fit(fit::Args),
     Inspect(inspect::Args),
@@ -86,6 +88,7 @@ fn main() -> ExitCode {
         Verb::ComparePacks(args) => compare_packs::run(args),
         Verb::CompareRegistration(args) => compare_registration::run(args),
         Verb::Covered(args) => covered::run(args),
+        Verb::DrapeScene(args) => drape_scene::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Fit(args) => fit::run(args),
         Verb::Inspect(args) => inspect::run(args),

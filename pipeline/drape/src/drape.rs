@@ -40,6 +40,8 @@ pub struct Settings {
     pub drag_per_s: f64,
     /// Distance of the cloth's middle from the body, metres, above 0.
     pub clearance_m: f64,
+    /// How deep in the body a particle may be and still be brought out, metres, at least 0.
+    pub deepest_m: f64,
     /// Whether cloth keeps clear of itself; without, a step is faster.
     pub meets_itself: bool,
     /// Metres per second squared, along Y.
@@ -53,6 +55,7 @@ impl Default for Settings {
             parts: 4,
             drag_per_s: 2.0,
             clearance_m: 0.004,
+            deepest_m: 0.02,
             meets_itself: true,
             gravity_m_per_s2: -9.81,
         }
@@ -108,6 +111,8 @@ pub struct Stepped {
     pub on_body: usize,
     /// How often near pairs were looked for.
     pub looks: u32,
+    /// Particles that wait at their bound at the end.
+    pub waiting: usize,
 }
 
 /// A particle near a body.
@@ -129,6 +134,7 @@ impl Drape {
         above_zero("parts", f64::from(settings.parts))?;
         at_least_zero("drag_per_s", settings.drag_per_s)?;
         above_zero("clearance_m", settings.clearance_m)?;
+        at_least_zero("deepest_m", settings.deepest_m)?;
         at_least_zero("gravity_m_per_s2", settings.gravity_m_per_s2.abs())?;
         let patches = Patches::of(sheet.positions_m());
         let placed = |particle: u32| patches.place_of[particle as usize];
@@ -244,6 +250,7 @@ impl Drape {
                 }
                 velocities[place] = (*at_m - before_m[place]) / part_s;
             }
+            stepped.waiting = bound;
             stepped.pairs = found.pairs.len();
             stepped.on_body = touches.len();
             if bound * BOUND <= places_m.len() {
@@ -268,7 +275,7 @@ impl Drape {
 
     /// Looks for what is near.
     fn look(&mut self, obstacle: Option<Obstacle>, places_m: &[DVec3], velocities: &[DVec3], left: u32) -> Look {
-        let Settings { step_s, parts, clearance_m, .. } = self.settings;
+        let Settings { step_s, parts, clearance_m, deepest_m, .. } = self.settings;
         let ahead_s = step_s * f64::from(left) / f64::from(parts);
         let mut fastest = 0.0_f64;
         let mut in_sheet_m = vec![DVec3::ZERO; places_m.len()];
@@ -288,7 +295,7 @@ impl Drape {
         let bounds_m = self.patches.particle_at.iter().map(|&particle| bounds_m[particle as usize]).collect();
         let mut touches = Vec::new();
         if let Some(Obstacle { body, moves_m }) = obstacle {
-            let within_m = clearance_m + reach_m;
+            let within_m = (clearance_m + reach_m).max(deepest_m);
             touches = parallel::collect(places_m.len(), |place, touches: &mut Vec<Touch>| {
                 if self.inverse_kg[place] > 0.0
                     && let Some(near) = body.signed_distance(places_m[place], within_m)

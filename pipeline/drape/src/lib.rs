@@ -38,6 +38,7 @@ pub mod near_pairs;
 mod parallel;
 mod patches;
 pub mod relax;
+pub mod repair;
 pub mod sheet;
 pub mod triangle_tree;
 pub mod woven;

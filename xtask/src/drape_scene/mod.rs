@@ -1,0 +1,228 @@
+//! `cargo xtask drape-scene NAME`: cloth that falls and comes to rest, with figures and pictures.
+
+mod kimono;
+mod picture;
+mod plain;
+
+use crate::places::{Places, ended, say, write_whole};
+use glam::DVec3;
+use kitsuke_drape::body::Body;
+use kitsuke_drape::certificate::{Bounds, Certificate};
+use kitsuke_drape::drape::{Drape, Obstacle, Settings, State, Stepped, strain};
+use kitsuke_drape::sheet::Sheet;
+use kitsuke_drape::woven::{PRESETS, Woven};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Steps between two looks at whether the cloth rests.
+const STEPS_AT_ONCE: u64 = 60;
+/// Steps in which cloth falls freely; then drag grows from step to step until it rests.
+const FREE_STEPS: u64 = 600;
+const MOST_DRAG_PER_S: f64 = 20.0;
+
+/// Let cloth fall and come to certified rest, and show it
+///
+/// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers.
+/// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
+/// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The scene
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers"])]
+    scene: String,
+    /// Which kimono
+    #[arg(long, default_value = "komon")]
+    id: String,
+    /// Which displaced start of the kimono
+    #[arg(long, default_value_t = 0)]
+    start: u32,
+    /// How far the start is displaced, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 30.0)]
+    displaced: f64,
+    /// The cloth
+    #[arg(long, default_value = "chirimen", value_parser = PRESETS.map(|preset| preset.0))]
+    cloth: String,
+    /// Most seconds to simulate
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    seconds: f64,
+    /// Parts of a step of 1/600 s: more stretch less and take longer
+    #[arg(long, default_value_t = 4)]
+    parts: u32,
+    /// Where pictures, the draped shape and a state that was interrupted go
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    places: Places,
+}
+
+/// What is simulated.
+pub struct Scene {
+    pub sheet: Sheet,
+    pub body: Option<Body>,
+    /// Where the cloth starts, if not where its sheet is.
+    pub start_m: Option<Vec<DVec3>>,
+    /// How far a pinned particle has come after so many seconds; pins that stand still need none.
+    pub pins: Option<fn(usize, DVec3, f64) -> DVec3>,
+}
+
+/// Simulates; 1 when something cannot be read or written, or the cloth does not come to certified rest.
+pub fn run(args: Args) -> ExitCode {
+    ended(draped(&args))
+}
+
+fn draped(args: &Args) -> Result<(), String> {
+    let woven = Woven::preset(&args.cloth).expect("clap allows presets only");
+    let scene = match args.scene.as_str() {
+        "kimono" => kimono::scene(&args.places, &args.id, args.start, args.displaced * 1e-3)?,
+        name => plain::scene(name)?,
+    };
+    let settings = Settings { parts: args.parts, ..Settings::default() };
+    let mut drape = Drape::new(&scene.sheet, &woven, &settings).map_err(|error| error.to_string())?;
+    let mut state = drape.state(&scene.sheet);
+    if let Some(start_m) = &scene.start_m {
+        state.positions_m.clone_from(start_m);
+    }
+    let kept = args.out.join(format!("{}.state", args.scene));
+    if let Ok(bytes) = std::fs::read(&kept) {
+        state = saved_state(&bytes, state.positions_m.len()).map_err(|problem| {
+            format!("{} {problem}: it is of another scene or damaged; delete it to begin anew", kept.display())
+        })?;
+        say!("goes on from {} after {:.2} s", kept.display(), simulated_s(&state, &settings));
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed)).map_err(|error| error.to_string())?;
+
+    let mut film = vec![picture::frame(&scene, &state, simulated_s(&state, &settings))];
+    let started = Instant::now();
+    let most_steps = (args.seconds / settings.step_s) as u64;
+    let mut certificate = None;
+    let mut last = Stepped::default();
+    while state.steps < most_steps && certificate.is_none() {
+        for _ in 0..STEPS_AT_ONCE {
+            drape.set_drag(drag_per_s(state.steps, &settings));
+            if let Some(pins) = scene.pins {
+                for (particle, pin) in scene.sheet.pins().iter().enumerate() {
+                    if let Some(from_m) = pin {
+                        drape.move_pin(particle, pins(particle, *from_m, simulated_s(&state, &settings)));
+                    }
+                }
+            }
+            let obstacle = scene.body.as_ref().map(|body| Obstacle { body, moves_m: None });
+            last = drape.step(obstacle, &mut state);
+        }
+        let (mean, _) = strain(&scene.sheet, &state.positions_m);
+        say!(
+            "{:5.2} s of cloth in {:6.1} s: moves at {:8.3} mm/s, at most {:8.2}; strain {:.3} %; {} near pairs, {} on the body, {} wait, {} looks",
+            simulated_s(&state, &settings),
+            started.elapsed().as_secs_f64(),
+            1e3 * last.speed_m_per_s,
+            1e3 * last.fastest_m_per_s,
+            1e2 * mean,
+            last.pairs,
+            last.on_body,
+            last.waiting,
+            last.looks
+        );
+        if stop.load(Ordering::Relaxed) {
+            write_whole(&kept, |out| out.write_all(&state_bytes(&state)))?;
+            return Err(format!("interrupted; the same command goes on from {}", kept.display()));
+        }
+        if state.steps.is_multiple_of(10 * STEPS_AT_ONCE) {
+            film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
+        }
+        if last.fastest_m_per_s <= Bounds::default().fastest_m_per_s && last.waiting == 0 {
+            certificate = Some(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+        }
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    let rests = certificate.is_some();
+    let certificate =
+        certificate.unwrap_or_else(|| drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+    film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
+    picture::write(&args.out.join(format!("{}.png", args.scene)), &scene, &state, film, &certificate)?;
+    write_obj(&args.out.join(format!("{}.obj", args.scene)), &scene, &state)?;
+    if kept.exists() {
+        std::fs::remove_file(&kept).map_err(|error| format!("cannot delete {}: {error}", kept.display()))?;
+    }
+    let (mean, most) = strain(&scene.sheet, &state.positions_m);
+    say!(
+        "{:.2} s of cloth in {seconds:.1} s on {} threads; strain {:.3} % mean, {:.1} % at most",
+        simulated_s(&state, &settings),
+        rayon::current_num_threads(),
+        1e2 * mean,
+        1e2 * most
+    );
+    if let Some(path) = &args.json {
+        let figures = figures(&certificate, seconds, simulated_s(&state, &settings), (mean, most));
+        write_whole(path, |out| out.write_all(figures.as_bytes()))?;
+    }
+    if rests && certificate.is_certified() {
+        say!("{certificate}");
+        return Ok(());
+    }
+    Err(format!("the cloth does not come to certified rest in {} s:\n{certificate}", args.seconds))
+}
+
+/// Free at first, then growing.
+fn drag_per_s(steps: u64, settings: &Settings) -> f64 {
+    let share = steps.saturating_sub(FREE_STEPS) as f64 / FREE_STEPS as f64;
+    settings.drag_per_s + (MOST_DRAG_PER_S - settings.drag_per_s) * share.min(1.0)
+}
+
+fn simulated_s(state: &State, settings: &Settings) -> f64 {
+    state.steps as f64 * settings.step_s
+}
+
+/// Steps, then places and velocities, little endian.
+fn state_bytes(state: &State) -> Vec<u8> {
+    let mut bytes = state.steps.to_le_bytes().to_vec();
+    for list in [&state.positions_m, &state.velocities_m_per_s] {
+        bytes.extend(list.iter().flat_map(|v| v.to_array()).flat_map(f64::to_le_bytes));
+    }
+    bytes
+}
+
+fn saved_state(bytes: &[u8], particles: usize) -> Result<State, String> {
+    let words: Vec<[u8; 8]> = bytes.chunks_exact(8).map(|word| word.try_into().expect("8 bytes")).collect();
+    if bytes.len() != 8 * (1 + 6 * particles) {
+        return Err(format!("has {} bytes, not {}", bytes.len(), 8 * (1 + 6 * particles)));
+    }
+    let numbers: Vec<f64> = words[1..].iter().map(|word| f64::from_le_bytes(*word)).collect();
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err("holds a number that is none".to_owned());
+    }
+    let list = |of: &[f64]| of.chunks_exact(3).map(DVec3::from_slice).collect();
+    let (positions, velocities) = numbers.split_at(3 * particles);
+    Ok(State {
+        positions_m: list(positions),
+        velocities_m_per_s: list(velocities),
+        steps: u64::from_le_bytes(words[0]),
+    })
+}
+
+fn write_obj(path: &Path, scene: &Scene, state: &State) -> Result<(), String> {
+    write_whole(path, |out| {
+        state.positions_m.iter().try_for_each(|p| writeln!(out, "v {:.6} {:.6} {:.6}", p.x, p.y, p.z))?;
+        scene.sheet.triangles().iter().try_for_each(|[a, b, c]| writeln!(out, "f {} {} {}", a + 1, b + 1, c + 1))
+    })
+}
+
+fn figures(certificate: &Certificate, seconds: f64, simulated_s: f64, (mean, most): (f64, f64)) -> String {
+    let fastest = certificate.fastest.map_or(0.0, |fastest| fastest.speed_m_per_s);
+    format!(
+        "{{\n  \"certified\": {},\n  \"drape_to_rest_s\": {seconds:.2},\n  \"simulated_s\": {simulated_s:.3},\n  \"fastest_mm_per_s\": {:.4},\n  \
+         \"strain_mean\": {mean:.6},\n  \"strain_max\": {most:.6},\n  \"inside\": {},\n  \"body_crossings\": {},\n  \"self_crossings\": {}\n}}\n",
+        certificate.is_certified(),
+        1e3 * fastest,
+        certificate.inside.len(),
+        certificate.body_crossings.len(),
+        certificate.self_crossings.len()
+    )
+}

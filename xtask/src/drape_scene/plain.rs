@@ -1,0 +1,100 @@
+//! Scenes from formulas: sheets that hang, fall over a ball, are twisted, or fall onto each other.
+
+use super::Scene;
+use glam::DVec3;
+use kitsuke_drape::analytic_form;
+use kitsuke_drape::body::Body;
+use kitsuke_drape::sheet::{Grid, PatternMesh, Sheet, SheetError};
+
+const SPACING_M: f64 = 0.015;
+
+/// The scene of a name.
+pub fn scene(name: &str) -> Result<Scene, String> {
+    let made = match name {
+        "hanging" => hanging(),
+        "sphere" => sphere(),
+        "twist" => twist(),
+        "layers" => layers(),
+        other => return Err(format!("there is no scene {other}")),
+    };
+    made.map_err(|error| error.to_string())
+}
+
+fn flat(rows: usize, columns: usize, height_m: f64) -> Grid {
+    let half_m = |count: usize| 0.5 * SPACING_M * (count - 1) as f64;
+    let corner_m = DVec3::new(-half_m(columns), height_m, half_m(rows));
+    Grid { rows, columns, spacing_m: SPACING_M, corner_m, weft: DVec3::X, warp: DVec3::NEG_Z }
+}
+
+fn alone(sheet: Sheet) -> Scene {
+    Scene { sheet, body: None, start_m: None, pins: None }
+}
+
+fn pinned(sheet: &mut Sheet, particles: impl Iterator<Item = usize>) -> Result<(), SheetError> {
+    for particle in particles {
+        let at_m = sheet.positions_m()[particle];
+        sheet.pin(particle as u32, at_m)?;
+    }
+    Ok(())
+}
+
+/// A square of one metre held by two corners that are 60 cm apart.
+fn hanging() -> Result<Scene, SheetError> {
+    let mut sheet = Sheet::from_grid(&flat(67, 67, 1.0))?;
+    pinned(&mut sheet, [0, 66].into_iter())?;
+    let pins = |particle: usize, from_m: DVec3, seconds: f64| {
+        let to_m = DVec3::new(if particle == 0 { -0.3 } else { 0.3 }, from_m.y, from_m.z);
+        from_m.lerp(to_m, seconds.min(1.0))
+    };
+    Ok(Scene { pins: Some(pins), ..alone(sheet) })
+}
+
+/// A square of 90 cm falls over a ball of 40 cm.
+fn sphere() -> Result<Scene, SheetError> {
+    let (positions_m, triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
+    let body = Body::new(&positions_m, &triangles).expect("a ball is a body");
+    Ok(Scene { body: Some(body), ..alone(Sheet::from_grid(&flat(61, 61, 0.22))?) })
+}
+
+/// A band of 30 by 60 cm whose ends are turned against each other, one turn each.
+fn twist() -> Result<Scene, SheetError> {
+    let (rows, columns) = (41, 21);
+    let mut sheet = Sheet::from_grid(&flat(rows, columns, 0.0))?;
+    let last = rows * columns;
+    pinned(&mut sheet, (0..columns).chain(last - columns..last))?;
+    let pins = |_: usize, from_m: DVec3, seconds: f64| {
+        let angle = from_m.z.signum() * std::f64::consts::TAU * (seconds / 4.0).min(1.0);
+        let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+        let nearer = 1.0 - 0.15 * (seconds / 4.0).min(1.0);
+        DVec3::new(from_m.x * cos - from_m.y * sin, from_m.x * sin + from_m.y * cos, from_m.z * nearer)
+    };
+    Ok(Scene { pins: Some(pins), ..alone(sheet) })
+}
+
+/// Ten squares of 45 cm fall onto a ball, one after the other.
+fn layers() -> Result<Scene, SheetError> {
+    let (mut positions_m, mut triangles, mut corners_uv) = (Vec::new(), Vec::new(), Vec::new());
+    for layer in 0..10 {
+        let sheet = Sheet::from_grid(&flat(31, 31, 0.22 + 0.02 * f64::from(layer)))?;
+        let before = positions_m.len() as u32;
+        let turned = 0.3 * f64::from(layer);
+        let (sin, cos) = (libm::sin(turned), libm::cos(turned));
+        for corners in sheet.triangles() {
+            triangles.push(corners.map(|v| v + before));
+            corners_uv.push(corners.map(|v| sheet.positions_m()[v as usize]).map(|p| glam::DVec2::new(p.x, -p.z)));
+        }
+        positions_m.extend(
+            sheet.positions_m().iter().map(|p| DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)),
+        );
+    }
+    let mesh = PatternMesh {
+        positions_m: &positions_m,
+        triangles: &triangles,
+        corners_uv: &corners_uv,
+        metres_per_uv: 1.0,
+        welds: &[],
+    };
+    let (body_m, body_triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
+    let body = Body::new(&body_m, &body_triangles).expect("a ball is a body");
+    Ok(Scene { body: Some(body), ..alone(Sheet::from_pattern(&mesh)?) })
+}
