@@ -1,5 +1,6 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
+mod cloth_peer;
 mod doors;
 
 use crate::compare_packs;
@@ -38,6 +39,9 @@ pub struct Args {
     /// The recorded motion whose frames are measured
     #[arg(long, value_name = "FILE.bvh", default_value_os_t = in_workspace("assets-src/motions/walk_climb_sit.bvh"))]
     motion: PathBuf,
+    /// Also measure a cloth solver by others (about 3 minutes; built the first time, which needs the network)
+    #[arg(long)]
+    cloth_peer: bool,
     #[command(flatten)]
     places: Places,
 }
@@ -63,6 +67,15 @@ fn bench(args: &Args) -> Result<(), String> {
 
     let mut figures = Map::new();
     let mut note = |key: &str, value: Value| drop(figures.insert(key.to_owned(), value));
+    // First, because it may fail for want of a network.
+    if args.cloth_peer {
+        for (scene, key) in [("hanging", ""), ("folding", "_contact")] {
+            let figures = cloth_peer::peer(scene)?;
+            note(&format!("peer_step{key}_ms"), json!(rounded(figures.ms_per_step)));
+            // Of strain, a thousandth is not fine.
+            note(&format!("peer_strain{key}_mean"), json!((figures.strain_mean * 1e6).round() / 1e6));
+        }
+    }
     let frames = measure_frames(garment, &motion.poses);
     note("frame_us_median", json!(rounded(frames.median(|frame| frame.whole_us))));
     note("frame_us_p99", json!(rounded(quantile(frames.all(|frame| frame.whole_us), 0.99))));

@@ -163,7 +163,7 @@ fn cloth(scene: &Scene) -> Result<Cloth, ClothError> {
         }
     }
     let mut mesh = ClothMesh::new(positions_m.clone(), triangles)?;
-    // The stiffness of all creases is one number, theirs alike: only what scales it knows how long a crease is.
+    // Without this, a crease would be as stiff as any other, however long it is.
     mesh.scale_hinge_stiffness(|hinge| {
         let [a, b, ..] = hinge.vertices.map(|vertex| positions_m[vertex as usize]);
         a.distance(b)
@@ -190,7 +190,8 @@ fn cloth(scene: &Scene) -> Result<Cloth, ClothError> {
             continuous_self_collision: scene.is_continuous,
             static_friction: FRICTION,
             kinetic_friction: FRICTION,
-            // Its standard of 2,000,000 pairs ends the first step of a sheet of this size with an error.
+            // As soon as a sheet of this size does more than fall, neighbours in its mesh alone are more pairs than the
+            // standard 2,000,000 per step, and the step ends with an error.
             limits: CollisionLimits {
                 candidate_pairs: 200_000_000,
                 ccd_checks: 200_000_000,
