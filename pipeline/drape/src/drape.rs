@@ -83,10 +83,12 @@ pub struct Drape {
 pub struct State {
     /// As the sheet numbers them.
     pub positions_m: Vec<DVec3>,
-    /// Metres per second.
+    /// Metres per second, with which the next part of a step begins. Cloth that constraints hold between each other has some at rest.
     pub velocities_m_per_s: Vec<DVec3>,
     /// Steps that were taken.
     pub steps: u64,
+    /// How each particle went in the last step, metres per second; nothing goes on from it.
+    pub went_m_per_s: Vec<DVec3>,
 }
 
 /// A body at the end of a step.
@@ -101,7 +103,7 @@ pub struct Obstacle<'a> {
 /// What a step did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stepped {
-    /// Of the fastest particle, metres per second.
+    /// Of the fastest particle that is not pinned, over the whole step, metres per second.
     pub fastest_m_per_s: f64,
     /// Root of the mean squared speed of the cloth's mass.
     pub speed_m_per_s: f64,
@@ -173,7 +175,8 @@ impl Drape {
     #[must_use]
     pub fn state(&self, sheet: &Sheet) -> State {
         let positions_m = sheet.positions_m().to_vec();
-        State { velocities_m_per_s: vec![DVec3::ZERO; positions_m.len()], positions_m, steps: 0 }
+        let still = vec![DVec3::ZERO; positions_m.len()];
+        State { velocities_m_per_s: still.clone(), went_m_per_s: still, positions_m, steps: 0 }
     }
 
     /// Where a pinned particle goes in the next step, as far as its bound allows; of others, nothing changes.
@@ -259,10 +262,12 @@ impl Drape {
         }
         let (mut energy, mut mass) = (0.0, 0.0);
         for (place, &particle) in self.patches.particle_at.iter().enumerate() {
+            let went = (places_m[place] - state.positions_m[particle as usize]) / self.settings.step_s;
             state.positions_m[particle as usize] = places_m[place];
             state.velocities_m_per_s[particle as usize] = velocities[place];
+            state.went_m_per_s[particle as usize] = went;
             if self.inverse_kg[place] > 0.0 {
-                let squared = velocities[place].length_squared();
+                let squared = went.length_squared();
                 stepped.fastest_m_per_s = stepped.fastest_m_per_s.max(squared.sqrt());
                 energy += squared / self.inverse_kg[place];
                 mass += 1.0 / self.inverse_kg[place];
@@ -389,7 +394,7 @@ impl Drape {
     /// Whether the cloth rests.
     #[must_use]
     pub fn certify(&self, body: Option<&Body>, bounds: Bounds, state: &State) -> Certificate {
-        certify(&state.positions_m, &state.velocities_m_per_s, &self.triangles, body, bounds)
+        certify(&state.positions_m, &state.went_m_per_s, &self.triangles, body, bounds)
     }
 }
 

@@ -203,6 +203,7 @@ fn saved_state(bytes: &[u8], particles: usize) -> Result<State, String> {
     Ok(State {
         positions_m: list(positions),
         velocities_m_per_s: list(velocities),
+        went_m_per_s: vec![DVec3::ZERO; particles],
         steps: u64::from_le_bytes(words[0]),
     })
 }
