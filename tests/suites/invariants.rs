@@ -114,7 +114,7 @@ fn rooms_stand_on_the_floors_below_them() {
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
         &["cloth_contact", "patches", "triangle_tree", "woven"],
         &["intersections", "links", "near_pairs", "relax"],
-        &["body"],
+        &["body", "repair"],
         &["certificate"],
         &["drape"],
     ];

@@ -7,6 +7,7 @@ use kitsuke_drape::certificate::Bounds;
 use kitsuke_drape::drape::{Drape, Obstacle, Settings, State, strain};
 use kitsuke_drape::intersections::self_intersections;
 use kitsuke_drape::near_pairs::NearPairs;
+use kitsuke_drape::repair;
 use kitsuke_drape::sheet::{Grid, Sheet};
 use kitsuke_drape::woven::{PRESETS, Woven};
 
@@ -242,4 +243,68 @@ fn presets_are_in_range_and_errors_name_the_constant() {
     assert_eq!(error.to_string(), "shear_n_per_m is 0, must be finite and above 0");
     let error = Drape::new(&sheet, &Woven::default(), &Settings { parts: 0, ..Settings::default() }).unwrap_err();
     assert_eq!(error.to_string(), "parts is 0, must be finite and above 0");
+}
+
+#[test]
+fn a_tuck_that_meets_itself_comes_clear_and_layers_that_do_not_are_said() {
+    let sheet = flat(20, 0.015, 0.0);
+    // A crease in the middle whose crest is pushed through the cloth beside it.
+    let mut tucked: Vec<DVec3> = sheet.positions_m().to_vec();
+    for v in [10 * 20 + 9, 10 * 20 + 10, 11 * 20 + 9] {
+        tucked[v] += DVec3::new(0.025, 0.0, 0.02);
+        tucked[v].y = if v == 210 { 0.004 } else { -0.003 };
+    }
+    assert!(!self_intersections(&tucked, sheet.triangles()).is_empty());
+    let repaired = repair::clear(&mut tucked, sheet.triangles());
+    assert!(repaired.left.is_empty() && !repaired.moved.is_empty(), "{repaired:?}");
+    assert!(self_intersections(&tucked, sheet.triangles()).is_empty());
+    assert!(repaired.farthest_m < 0.04 && repaired.moved.len() < 60, "{repaired:?}");
+
+    // Two sheets through each other: no smoothing takes them apart.
+    let mut crossed: Vec<DVec3> = sheet.positions_m().to_vec();
+    crossed.extend(sheet.positions_m().iter().map(|p| DVec3::new(p.x, p.z, 0.003)));
+    let both: Vec<[u32; 3]> =
+        (0..2).flat_map(|i| sheet.triangles().iter().map(move |t| t.map(|v| v + 400 * i))).collect();
+    let repaired = repair::clear(&mut crossed, &both);
+    assert!(!repaired.left.is_empty());
+}
+
+#[test]
+fn cloth_follows_a_body_that_moves() {
+    let sheet = flat(24, 0.015, 0.11);
+    let (start_m, triangles) = analytic_form::sphere(DVec3::ZERO, 0.1, 48);
+    let mut body = Body::new(&start_m, &triangles).unwrap();
+    let mut drape =
+        Drape::new(&sheet, &Woven { body_friction: 0.8, ..Woven::default() }, &Settings::default()).unwrap();
+    let mut state = drape.state(&sheet);
+    for _ in 0..300 {
+        drape.step(Some(Obstacle { body: &body, moves_m: None }), &mut state);
+    }
+    // 30 cm to the side at 0.3 m/s: friction takes the cloth along.
+    let move_m = DVec3::X * (0.3 / 600.0);
+    let moves_m = vec![move_m; start_m.len()];
+    for step in 0..600 {
+        let moved: Vec<DVec3> = start_m.iter().map(|p| *p + move_m * f64::from(step + 1)).collect();
+        body.moved(&moved).unwrap();
+        drape.step(Some(Obstacle { body: &body, moves_m: Some(&moves_m) }), &mut state);
+    }
+    let middle = state.positions_m.iter().sum::<DVec3>() / state.positions_m.len() as f64;
+    assert!((middle.x - 0.3).abs() < 0.03, "{middle}");
+    let certificate = drape.certify(Some(&body), Bounds { fastest_m_per_s: 10.0 }, &state);
+    assert!(certificate.is_certified(), "{certificate}");
+}
+
+#[test]
+fn cloth_that_starts_in_a_body_comes_out() {
+    let sheet = flat(20, 0.015, 0.09);
+    let body = ball(0.1);
+    assert!(sheet.positions_m().iter().any(|p| body.contains(*p)));
+    let mut drape =
+        Drape::new(&sheet, &Woven::default(), &Settings { drag_per_s: 10.0, ..Settings::default() }).unwrap();
+    let mut state = drape.state(&sheet);
+    for _ in 0..1500 {
+        drape.step(Some(Obstacle { body: &body, moves_m: None }), &mut state);
+    }
+    let certificate = drape.certify(Some(&body), Bounds::default(), &state);
+    assert!(certificate.inside.is_empty() && certificate.body_crossings.is_empty(), "{certificate}");
 }

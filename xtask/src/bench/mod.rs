@@ -1,5 +1,6 @@
 //! `cargo xtask bench`: how fast frames, opening and building are on this machine, as one flat JSON object.
 
+mod cloth;
 mod cloth_peer;
 mod doors;
 
@@ -39,6 +40,9 @@ pub struct Args {
     /// The recorded motion whose frames are measured
     #[arg(long, value_name = "FILE.bvh", default_value_os_t = in_workspace("assets-src/motions/walk_climb_sit.bvh"))]
     motion: PathBuf,
+    /// Also measure cloth (about 2 minutes)
+    #[arg(long)]
+    cloth: bool,
     /// Also measure a cloth solver by others (about 3 minutes; built the first time, which needs the network)
     #[arg(long)]
     cloth_peer: bool,
@@ -74,6 +78,11 @@ fn bench(args: &Args) -> Result<(), String> {
             note(&format!("peer_step{key}_ms"), json!(rounded(figures.ms_per_step)));
             // Of strain, a thousandth is not fine.
             note(&format!("peer_strain{key}_mean"), json!((figures.strain_mean * 1e6).round() / 1e6));
+        }
+    }
+    if args.cloth {
+        for (key, value) in cloth::measure(&args.places, &args.garment)? {
+            note(key, json!((value * 1e5).round() / 1e5));
         }
     }
     let frames = measure_frames(garment, &motion.poses);

@@ -1,12 +1,14 @@
 //! A kimono of the catalog on its wearer: its base, displaced, is draped anew; the cloth under the obi is held.
 
-use super::Scene;
+use super::{Moves, Scene};
 use crate::places::{Places, say};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Quat, Vec3};
+use kitsuke::skeleton::Pose;
 use kitsuke_drape::body::Body;
 use kitsuke_drape::repair;
 use kitsuke_drape::sheet::{PatternMesh, Sheet};
 use kitsuke_drape::triangle_tree::TriangleTree;
+use kitsuke_pipeline::ir;
 use std::f64::consts::TAU;
 
 /// Cloth nearer to the obi than this lies under it, metres.
@@ -16,7 +18,8 @@ const WAVE_M: f64 = 0.5;
 
 /// The base of a kimono with its wearer. A start is the base where it was not displaced, and otherwise bent by smooth waves of the space it is in,
 /// so that nothing passes through itself.
-pub fn scene(places: &Places, id: &str, start: u32, displaced_m: f64) -> Result<Scene, String> {
+/// With a pose of its table, the wearer goes there from the T-pose.
+pub fn scene(places: &Places, id: &str, start: u32, displaced_m: f64, pose: Option<&str>) -> Result<Scene, String> {
     let garment = places.source(id).ok_or_else(|| format!("{id} cannot be read: cargo xtask check {id}"))?;
     let base = &garment.base;
     if base.uv_triangles.is_empty() {
@@ -66,7 +69,33 @@ pub fn scene(places: &Places, id: &str, start: u32, displaced_m: f64) -> Result<
     if !repaired.moved.is_empty() {
         say!("{} vertices of the start were moved so that it does not meet itself", repaired.moved.len());
     }
-    Ok(Scene { sheet, body: Some(body), start_m: Some(start_m), pins: None })
+    let (mut moves, mut target_m) = (None, None);
+    if let Some(name) = pose {
+        let target = garment.targets.iter().find(|target| target.name == name);
+        let target = target.ok_or_else(|| {
+            let names: Vec<&str> = garment.targets.iter().map(|target| target.name.as_str()).collect();
+            format!("{id} has no pose {name}; it has {}", names.join(", "))
+        })?;
+        target_m = Some(double(&target.positions_m));
+        moves = Some(moving(&garment, target));
+    }
+    Ok(Scene { sheet, body: Some(body), start_m: Some(start_m), target_m, moves, pins: None })
+}
+
+/// The wearer on her way from the T-pose to a target's pose, at 60 degrees a second.
+fn moving(garment: &ir::Garment, target: &ir::TargetShape) -> Moves {
+    const RAD_PER_S: f64 = TAU / 6.0;
+    let widest = target.rotations.iter().map(|rotation| f64::from(rotation.angle_between(Quat::IDENTITY)));
+    let seconds = (widest.fold(0.0, f64::max) / RAD_PER_S).max(0.1);
+    let (body, bones, rotations) = (garment.body.clone(), garment.pose_bones.clone(), target.rotations.clone());
+    let at_m = move |share: f64| {
+        let mut pose = Pose::default();
+        for (bone, rotation) in bones.iter().zip(&rotations) {
+            pose = pose.with(*bone, Quat::IDENTITY.slerp(*rotation, share as f32));
+        }
+        double(&body.posed_m(&pose))
+    };
+    Moves { at_m: Box::new(at_m), seconds }
 }
 
 fn double(places_m: &[Vec3]) -> Vec<DVec3> {
@@ -93,8 +122,7 @@ fn metres_per_uv(positions_m: &[DVec3], triangles: &[[u32; 3]], corners_uv: &[[D
 fn displaced(positions_m: &[DVec3], is_held: &[bool], start: u32, by_m: f64) -> Vec<DVec3> {
     /// Cloth this far from what is held goes the whole way, metres.
     const FULL_M: f64 = 0.25;
-    let held_m: Vec<DVec3> =
-        positions_m.iter().zip(is_held).filter(|(_, held)| **held).map(|(p, _)| *p).collect();
+    let held_m: Vec<DVec3> = positions_m.iter().zip(is_held).filter(|(_, held)| **held).map(|(p, _)| *p).collect();
     let phase = |axis: u32, wave: u32| TAU * f64::from((start * 37 + axis * 17 + wave * 11) % 64) / 64.0;
     let bent = |p: DVec3| {
         let wave = |axis: u32| {
@@ -112,4 +140,3 @@ fn displaced(positions_m: &[DVec3], is_held: &[bool], start: u32, by_m: f64) -> 
         })
         .collect()
 }
-

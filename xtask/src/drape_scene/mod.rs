@@ -1,6 +1,6 @@
 //! `cargo xtask drape-scene NAME`: cloth that falls and comes to rest, with figures and pictures.
 
-mod kimono;
+pub mod kimono;
 mod picture;
 mod plain;
 
@@ -19,8 +19,8 @@ use std::time::Instant;
 
 /// Steps between two looks at whether the cloth rests.
 const STEPS_AT_ONCE: u64 = 60;
-/// Steps in which cloth falls freely; then drag grows from step to step until it rests.
-const FREE_STEPS: u64 = 600;
+/// How long cloth falls freely, seconds; then drag grows for as long.
+const FREE_S: f64 = 1.0;
 const MOST_DRAG_PER_S: f64 = 20.0;
 
 /// Let cloth fall and come to certified rest, and show it
@@ -36,6 +36,9 @@ pub struct Args {
     /// Which kimono
     #[arg(long, default_value = "komon")]
     id: String,
+    /// Take the wearer from the T-pose to a pose of the kimono's table and say how far the cloth then lies from that target
+    #[arg(long, value_name = "NAME")]
+    pose: Option<String>,
     /// Which displaced start of the kimono
     #[arg(long, default_value_t = 0)]
     start: u32,
@@ -67,8 +70,20 @@ pub struct Scene {
     pub body: Option<Body>,
     /// Where the cloth starts, if not where its sheet is.
     pub start_m: Option<Vec<DVec3>>,
+    /// Where others draped the same cloth, metres.
+    pub target_m: Option<Vec<DVec3>>,
+    /// How a body moves.
+    pub moves: Option<Moves>,
     /// How far a pinned particle has come after so many seconds; pins that stand still need none.
     pub pins: Option<fn(usize, DVec3, f64) -> DVec3>,
+}
+
+/// A body that goes from one shape to another.
+pub struct Moves {
+    /// Its vertices at a share of the way, 0 to 1, metres.
+    pub at_m: Box<dyn Fn(f64) -> Vec<DVec3>>,
+    /// How long it takes, seconds.
+    pub seconds: f64,
 }
 
 /// Simulates; 1 when something cannot be read or written, or the cloth does not come to certified rest.
@@ -78,8 +93,8 @@ pub fn run(args: Args) -> ExitCode {
 
 fn draped(args: &Args) -> Result<(), String> {
     let woven = Woven::preset(&args.cloth).expect("clap allows presets only");
-    let scene = match args.scene.as_str() {
-        "kimono" => kimono::scene(&args.places, &args.id, args.start, args.displaced * 1e-3)?,
+    let mut scene = match args.scene.as_str() {
+        "kimono" => kimono::scene(&args.places, &args.id, args.start, args.displaced * 1e-3, args.pose.as_deref())?,
         name => plain::scene(name)?,
     };
     let settings = Settings { parts: args.parts, ..Settings::default() };
@@ -106,16 +121,7 @@ fn draped(args: &Args) -> Result<(), String> {
     let mut last = Stepped::default();
     while state.steps < most_steps && certificate.is_none() {
         for _ in 0..STEPS_AT_ONCE {
-            drape.set_drag(drag_per_s(state.steps, &settings));
-            if let Some(pins) = scene.pins {
-                for (particle, pin) in scene.sheet.pins().iter().enumerate() {
-                    if let Some(from_m) = pin {
-                        drape.move_pin(particle, pins(particle, *from_m, simulated_s(&state, &settings)));
-                    }
-                }
-            }
-            let obstacle = scene.body.as_ref().map(|body| Obstacle { body, moves_m: None });
-            last = drape.step(obstacle, &mut state);
+            last = advance(&mut scene, &mut drape, &settings, &mut state)?;
         }
         let (mean, _) = strain(&scene.sheet, &state.positions_m);
         say!(
@@ -137,14 +143,13 @@ fn draped(args: &Args) -> Result<(), String> {
         if state.steps.is_multiple_of(10 * STEPS_AT_ONCE) {
             film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
         }
-        if last.fastest_m_per_s <= Bounds::default().fastest_m_per_s && last.waiting == 0 {
+        if is_at_rest(&scene, &last, &state, &settings) {
             certificate = Some(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
         }
     }
     let seconds = started.elapsed().as_secs_f64();
     let rests = certificate.is_some();
-    let certificate =
-        certificate.unwrap_or_else(|| drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+    let certificate = certificate.unwrap_or_else(|| drape.certify(scene.body.as_ref(), Bounds::default(), &state));
     film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
     picture::write(&args.out.join(format!("{}.png", args.scene)), &scene, &state, film, &certificate)?;
     write_obj(&args.out.join(format!("{}.obj", args.scene)), &scene, &state)?;
@@ -152,6 +157,13 @@ fn draped(args: &Args) -> Result<(), String> {
         std::fs::remove_file(&kept).map_err(|error| format!("cannot delete {}: {error}", kept.display()))?;
     }
     let (mean, most) = strain(&scene.sheet, &state.positions_m);
+    if let Some(target_m) = &scene.target_m {
+        let mut away_mm: Vec<f64> =
+            target_m.iter().zip(&state.positions_m).map(|(a, b)| 1e3 * a.distance(*b)).collect();
+        away_mm.sort_by(f64::total_cmp);
+        let mean_mm = away_mm.iter().sum::<f64>() / away_mm.len() as f64;
+        say!("from the target {mean_mm:.1} mm on average, 95 % within {:.1} mm", away_mm[away_mm.len() * 95 / 100]);
+    }
     say!(
         "{:.2} s of cloth in {seconds:.1} s on {} threads; strain {:.3} % mean, {:.1} % at most",
         simulated_s(&state, &settings),
@@ -170,9 +182,53 @@ fn draped(args: &Args) -> Result<(), String> {
     Err(format!("the cloth does not come to certified rest in {} s:\n{certificate}", args.seconds))
 }
 
-/// Free at first, then growing.
-fn drag_per_s(steps: u64, settings: &Settings) -> f64 {
-    let share = steps.saturating_sub(FREE_STEPS) as f64 / FREE_STEPS as f64;
+/// Lets a scene come to rest without a word, within so many simulated seconds, and says whether it does.
+pub fn rested(scene: &mut Scene, woven: &Woven, settings: &Settings, seconds: f64) -> Result<Certificate, String> {
+    let mut drape = Drape::new(&scene.sheet, woven, settings).map_err(|error| error.to_string())?;
+    let mut state = drape.state(&scene.sheet);
+    if let Some(start_m) = &scene.start_m {
+        state.positions_m.clone_from(start_m);
+    }
+    loop {
+        let last = advance(scene, &mut drape, settings, &mut state)?;
+        if is_at_rest(scene, &last, &state, settings) || simulated_s(&state, settings) >= seconds {
+            return Ok(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+        }
+    }
+}
+
+/// One step, with what moves.
+fn advance(scene: &mut Scene, drape: &mut Drape, settings: &Settings, state: &mut State) -> Result<Stepped, String> {
+    let now_s = simulated_s(state, settings);
+    let moved_s = scene.moves.as_ref().map_or(0.0, |moves| moves.seconds);
+    drape.set_drag(drag_per_s(now_s - moved_s, settings));
+    if let Some(pins) = scene.pins {
+        for (particle, pin) in scene.sheet.pins().iter().enumerate() {
+            if let Some(from_m) = pin {
+                drape.move_pin(particle, pins(particle, *from_m, now_s));
+            }
+        }
+    }
+    let mut moves_m = None;
+    if let (Some(moves), Some(body)) = (&scene.moves, &mut scene.body)
+        && now_s <= moves.seconds + settings.step_s
+    {
+        let at_m = (moves.at_m)(((now_s + settings.step_s) / moves.seconds).min(1.0));
+        moves_m = Some(at_m.iter().zip(body.surface().positions_m()).map(|(to, from)| *to - *from).collect::<Vec<_>>());
+        body.moved(&at_m).map_err(|error| error.to_string())?;
+    }
+    let obstacle = scene.body.as_ref().map(|body| Obstacle { body, moves_m: moves_m.as_deref() });
+    Ok(drape.step(obstacle, state))
+}
+
+fn is_at_rest(scene: &Scene, last: &Stepped, state: &State, settings: &Settings) -> bool {
+    let moves = scene.moves.as_ref().is_some_and(|moves| simulated_s(state, settings) <= moves.seconds);
+    !moves && last.fastest_m_per_s <= Bounds::default().fastest_m_per_s && last.waiting == 0
+}
+
+/// Free for a second, then growing, so that what still swings comes to rest.
+fn drag_per_s(seconds: f64, settings: &Settings) -> f64 {
+    let share = (seconds / FREE_S - 1.0).max(0.0);
     settings.drag_per_s + (MOST_DRAG_PER_S - settings.drag_per_s) * share.min(1.0)
 }
 

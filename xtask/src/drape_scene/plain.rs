@@ -27,7 +27,7 @@ fn flat(rows: usize, columns: usize, height_m: f64) -> Grid {
 }
 
 fn alone(sheet: Sheet) -> Scene {
-    Scene { sheet, body: None, start_m: None, pins: None }
+    Scene { sheet, body: None, start_m: None, target_m: None, moves: None, pins: None }
 }
 
 fn pinned(sheet: &mut Sheet, particles: impl Iterator<Item = usize>) -> Result<(), SheetError> {
@@ -83,9 +83,8 @@ fn layers() -> Result<Scene, SheetError> {
             triangles.push(corners.map(|v| v + before));
             corners_uv.push(corners.map(|v| sheet.positions_m()[v as usize]).map(|p| glam::DVec2::new(p.x, -p.z)));
         }
-        positions_m.extend(
-            sheet.positions_m().iter().map(|p| DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)),
-        );
+        positions_m
+            .extend(sheet.positions_m().iter().map(|p| DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x)));
     }
     let mesh = PatternMesh {
         positions_m: &positions_m,
