@@ -1,5 +1,5 @@
 //! How fast `drape` steps a sheet of 118 x 118 particles, hanging by a row and folded over a sphere, and how much it stretches.
-//! `cargo run --release -p kitsuke-drape --example drape_speed [PARTS]`. Writes nothing but its lines.
+//! `cargo run --release -p kitsuke-drape --example drape_speed [PARTS [STEPS_PER_S]]`. Writes nothing but its lines.
 #![allow(clippy::print_stdout)]
 
 use glam::DVec3;
@@ -25,7 +25,8 @@ fn main() {
         weft: DVec3::X,
         warp: DVec3::NEG_Z,
     };
-    let settings = Settings { parts, ..Settings::default() };
+    let per_s = std::env::args().nth(2).map_or(600.0, |text| text.parse().expect("STEPS_PER_S is a number"));
+    let settings = Settings { parts, step_s: 1.0 / per_s, ..Settings::default() };
     let mut hanging = Sheet::from_grid(&flat(2.0)).expect("the grid is a sheet");
     for particle in 0..SIDE {
         let at_m = hanging.positions_m()[particle];
@@ -45,19 +46,20 @@ fn run(name: &str, sheet: &Sheet, settings: &Settings, body: Option<&Body>) {
         let started = Instant::now();
         let mut looks = 0;
         let mut last = Default::default();
-        for _ in 0..60 {
+        let steps = (0.1 / settings.step_s).round() as u32;
+        for _ in 0..steps {
             let obstacle = body.map(|body| Obstacle { body, moves_m: None });
             let stepped = drape.step(obstacle, &mut state);
             looks += stepped.looks;
             last = stepped;
         }
-        let ms = started.elapsed().as_secs_f64() * 1e3 / 60.0;
+        let ms = started.elapsed().as_secs_f64() * 1e3 / 60.0; // of 1/600 s
         let (mean, most) = strain(sheet, &state.positions_m);
         let certificate = drape.certify(body, Bounds::default(), &state);
         println!(
-            "{name} {:.1} s: {ms:.2} ms a step, {:.1} looks, strain {:.3} % mean {:.1} % most, {} pairs, {} on body, speed {:.3} m/s fastest {:.2}, {} inside, {} + {} crossings",
+            "{name} {:.1} s: {ms:.2} ms per 1/600 s, {:.1} looks, strain {:.3} % mean {:.1} % most, {} pairs, {} on body, speed {:.3} m/s fastest {:.2}, {} inside, {} + {} crossings",
             f64::from(block + 1) * 0.1,
-            f64::from(looks) / 60.0,
+            f64::from(looks) / f64::from(steps),
             1e2 * mean,
             1e2 * most,
             last.pairs,

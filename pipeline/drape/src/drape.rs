@@ -13,17 +13,21 @@ use crate::links::{self, Crease, Link, flatten, keep_length};
 use crate::near_pairs::{Found, NearPair, NearPairs};
 use crate::parallel;
 use crate::patches::{Patches, Sorted};
-use crate::sheet::Sheet;
+use crate::sheet::{Attachment, Sheet};
 use crate::woven::Woven;
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// How fast cloth that lies too near to something is moved away from it, metres per second.
 const APART_M_PER_S: f64 = 0.1;
+/// How fast the two ends of a thread are drawn together, metres per second.
+const SEWN_M_PER_S: f64 = 0.5;
 /// Nearer than this many thicknesses, and as far as particles go in a step besides, near pairs are looked for; at most
 /// [`FARTHEST_M`], beyond which the step looks again instead.
 const REACH: f64 = 2.0;
 const FARTHEST_M: f64 = 0.012;
+/// Pairs nearer than this many thicknesses, and as far as two particles go in a step besides, are pushed apart.
+const PUSH: f64 = 1.1;
 /// Neighbours in the mesh keep this share of the thickness only: their edge holds them apart already.
 const OF_NEIGHBOURS: f64 = 0.3;
 /// One particle in so many may wait at its bound before the step looks again.
@@ -73,6 +77,9 @@ pub struct Drape {
     /// 0 of pinned particles; in the order of the patches.
     inverse_kg: Vec<f64>,
     pins_m: Vec<Option<DVec3>>,
+    /// Places of the particles that threads draw together, and those that springs draw somewhere.
+    threads: Vec<[usize; 2]>,
+    attached: Vec<(usize, Attachment)>,
     /// As the sheet numbers them.
     triangles: Vec<[u32; 3]>,
     near_pairs: NearPairs,
@@ -165,6 +172,8 @@ impl Drape {
             creases,
             inverse_kg: inverse_kg.collect(),
             pins_m: sheet.pins().to_vec(),
+            threads: sheet.pairs().iter().map(|pair| pair.map(|end| placed(end) as usize)).collect(),
+            attached: sheet.attachments().iter().map(|&one| (placed(one.particle) as usize, one)).collect(),
             triangles: sheet.triangles().to_vec(),
             near_pairs: NearPairs::new(sheet.positions_m(), sheet.triangles()),
             patches,
@@ -236,6 +245,7 @@ impl Drape {
                 places_m[place] += way / f64::from(left);
             }
             self.hold(&mut places_m, part_s);
+            self.sew(&mut places_m, &before_m, part_s);
             for pair in &found.pairs {
                 self.keep_apart(pair, &mut places_m, &mut before_m, part_s);
             }
@@ -291,8 +301,11 @@ impl Drape {
         let goes_m = fastest.sqrt() * ahead_s;
         let thickness_m = self.woven.thickness_m;
         let reach_m = (REACH * thickness_m + 2.5 * goes_m).min(FARTHEST_M.max(REACH * thickness_m));
+        // What is farther apart comes no nearer than the thickness before the next look, or waits at its bound.
+        let push_m = (PUSH * thickness_m + 2.0 * goes_m).min(reach_m);
         let free = || Found { pairs: Vec::new(), bounds_m: vec![f64::INFINITY; places_m.len()] };
-        let found = if self.settings.meets_itself { self.near_pairs.find(&in_sheet_m, reach_m) } else { free() };
+        let found =
+            if self.settings.meets_itself { self.near_pairs.find(&in_sheet_m, reach_m, push_m) } else { free() };
         let Found { mut pairs, bounds_m } = found;
         for pair in &mut pairs {
             pair.corners = pair.corners.map(|particle| self.patches.place_of[particle as usize]);
@@ -331,6 +344,27 @@ impl Drape {
         });
         self.links.crossing.iter().for_each(|link| keep_length(link, places_m, &self.inverse_kg, per_s2));
         self.creases.crossing.iter().for_each(|crease| flatten(crease, places_m, &self.inverse_kg, per_s2));
+    }
+
+    /// Threads come together at their speed until they are as near as layers lie; attachments pull.
+    fn sew(&self, places_m: &mut [DVec3], before_m: &[DVec3], part_s: f64) {
+        for &[a, b] in &self.threads {
+            let share = self.inverse_kg[a] + self.inverse_kg[b];
+            let way = places_m[b] - places_m[a];
+            let length_m = way.length();
+            let before_m = before_m[a].distance(before_m[b]);
+            let wanted_m = (before_m - SEWN_M_PER_S * part_s).max(self.woven.thickness_m);
+            if share > 0.0 && length_m > wanted_m {
+                let step = way * ((length_m - wanted_m) / (length_m * share));
+                places_m[a] += step * self.inverse_kg[a];
+                places_m[b] -= step * self.inverse_kg[b];
+            }
+        }
+        for &(place, Attachment { place_m, stiffness_n_per_m, .. }) in &self.attached {
+            let per_n = self.inverse_kg[place] * part_s * part_s * stiffness_n_per_m;
+            let way = place_m - places_m[place];
+            places_m[place] += way * (per_n / (1.0 + per_n));
+        }
     }
 
     /// Cloth against cloth: what is nearer than the thickness goes apart, and rubs.

@@ -46,7 +46,7 @@ pub struct NearPairs {
 /// What is near at one time.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
-    /// Pairs nearer than was asked.
+    /// Pairs nearer than was asked for pushing.
     pub pairs: Vec<NearPair>,
     /// How far each particle may go, metres.
     pub bounds_m: Vec<f64>,
@@ -80,18 +80,18 @@ impl NearPairs {
         NearPairs { triangles: triangles.to_vec(), tree, vertices, edges, neighbours }
     }
 
-    /// Looks for all that comes nearer than `reach_m`. The same on any number of threads.
-    pub fn find(&mut self, positions_m: &[DVec3], reach_m: f64) -> Found {
+    /// Looks for all that comes nearer than `reach_m` and lists what comes nearer than `push_m`. The same on any number of threads.
+    pub fn find(&mut self, positions_m: &[DVec3], reach_m: f64, push_m: f64) -> Found {
         self.tree.refit(positions_m);
         let near = self.tree.self_pairs(reach_m);
         let this = &*self;
         let parts = parallel::collect_each(near.len().div_ceil(AT_ONCE), |part, found: &mut Vec<Part>| {
             let mut pairs = Vec::new();
-            let mut least = Vec::new();
+            let mut least = Vec::with_capacity(AT_ONCE);
             for &[first, second] in &near[part * AT_ONCE..near.len().min((part + 1) * AT_ONCE)] {
-                this.near(positions_m, [first, second], reach_m, &mut |pair| {
+                this.near(positions_m, [first, second], reach_m, &mut |pair, is_first| {
                     least.push((pair.corners, pair.distance_m));
-                    if pair.distance_m > 0.0 {
+                    if is_first && pair.distance_m > 0.0 && pair.distance_m < push_m {
                         pairs.push(NearPair { are_neighbours: this.are_neighbours(&pair), ..pair });
                     }
                 });
@@ -111,72 +111,90 @@ impl NearPairs {
         found
     }
 
-    fn near(&self, positions_m: &[DVec3], pair: [u32; 2], reach_m: f64, add: &mut impl FnMut(NearPair)) {
-        let place = |v: u32| positions_m[v as usize];
-        let corners = pair.map(|t| self.triangles[t as usize]);
-        let boxes = corners.map(|corners| Extent::around(&corners.map(place)).grown(reach_m));
+    /// Adds the near pairs of two triangles. Where the nearest places are on an edge or a vertex of a triangle, all triangles there and their
+    /// edges find the same: `add` is told of one of them that it is the first.
+    fn near(&self, positions_m: &[DVec3], pair: [u32; 2], reach_m: f64, add: &mut impl FnMut(NearPair, bool)) {
+        let corners = [self.triangles[pair[0] as usize], self.triangles[pair[1] as usize]];
+        let at = |v: u32| positions_m[v as usize];
+        let places = [
+            [at(corners[0][0]), at(corners[0][1]), at(corners[0][2])],
+            [at(corners[1][0]), at(corners[1][1]), at(corners[1][2])],
+        ];
+        let squared_reach = reach_m * reach_m;
+        let boxes = [Extent::around(&places[0]).grown(reach_m), Extent::around(&places[1]).grown(reach_m)];
         for (of, other) in [(0, 1), (1, 0)] {
             let triangle = corners[other];
-            for (side, &vertex) in corners[of].iter().enumerate() {
-                if !self.vertices[pair[of] as usize][side] || triangle.contains(&vertex) {
+            for side in 0..3 {
+                let (vertex, place_m) = (corners[of][side], places[of][side]);
+                if !self.vertices[pair[of] as usize][side]
+                    || !boxes[other].overlaps(&Extent { low_m: place_m, high_m: place_m })
+                    || triangle.contains(&vertex)
+                {
                     continue;
                 }
-                let at = place(vertex);
-                if !boxes[other].overlaps(&Extent { low_m: at, high_m: at }) {
-                    continue;
-                }
-                let (nearest_m, shares) = nearest_on_triangle(triangle.map(place), at);
-                let way = at - nearest_m;
+                let (nearest_m, shares) = nearest_on_triangle(places[other], place_m);
+                let way = place_m - nearest_m;
                 let squared = way.length_squared();
-                if squared < reach_m * reach_m {
+                if squared < squared_reach {
                     let distance_m = squared.sqrt();
-                    add(NearPair {
+                    let near = NearPair {
                         corners: [vertex, triangle[0], triangle[1], triangle[2]],
                         of_first: 1,
                         weights: [1.0, -shares.x, -shares.y, -shares.z],
                         normal: way / distance_m.max(f64::MIN_POSITIVE),
                         distance_m,
                         are_neighbours: false,
-                    });
+                    };
+                    add(near, self.has_first(pair[other] as usize, shares));
                 }
             }
         }
-        let sides = |t: usize| {
-            let [a, b, c] = corners[t];
-            [[a, b], [b, c], [c, a]]
-        };
-        for (i, first) in sides(0).into_iter().enumerate() {
-            if !self.edges[pair[0] as usize][i] {
+        const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+        for [i, j] in SIDES {
+            let (first, ends) = ([corners[0][i], corners[0][j]], [places[0][i], places[0][j]]);
+            let around = Extent { low_m: ends[0].min(ends[1]), high_m: ends[0].max(ends[1]) };
+            if !self.edges[pair[0] as usize][i] || !boxes[1].overlaps(&around) {
                 continue;
             }
-            let ends = first.map(place);
-            let around = Extent::around(&ends);
-            if !boxes[1].overlaps(&around) {
-                continue;
-            }
-            for (j, second) in sides(1).into_iter().enumerate() {
-                if !self.edges[pair[1] as usize][j] || first.contains(&second[0]) || first.contains(&second[1]) {
-                    continue;
-                }
-                let others = second.map(place);
-                if !Extent::around(&others).grown(reach_m).overlaps(&around) {
+            let around = around.grown(reach_m);
+            for [k, l] in SIDES {
+                let (second, others) = ([corners[1][k], corners[1][l]], [places[1][k], places[1][l]]);
+                if !self.edges[pair[1] as usize][k]
+                    || !around.overlaps(&Extent { low_m: others[0].min(others[1]), high_m: others[0].max(others[1]) })
+                    || first.contains(&second[0])
+                    || first.contains(&second[1])
+                {
                     continue;
                 }
                 let [s, t] = nearest_of_edges(ends, others);
                 let way = ends[0] + (ends[1] - ends[0]) * s - others[0] - (others[1] - others[0]) * t;
                 let squared = way.length_squared();
-                if squared < reach_m * reach_m {
+                if squared < squared_reach {
                     let distance_m = squared.sqrt();
-                    add(NearPair {
+                    let near = NearPair {
                         corners: [first[0], first[1], second[0], second[1]],
                         of_first: 2,
                         weights: [1.0 - s, s, t - 1.0, -t],
                         normal: way / distance_m.max(f64::MIN_POSITIVE),
                         distance_m,
                         are_neighbours: false,
-                    });
+                    };
+                    add(near, s > 0.0 && s < 1.0 && t > 0.0 && t < 1.0);
                 }
             }
+        }
+    }
+
+    /// Whether a triangle is the first at a place in it.
+    fn has_first(&self, triangle: usize, shares: DVec3) -> bool {
+        match shares.to_array().map(|share| share > 0.0) {
+            [true, true, true] => true,
+            [true, true, false] => self.edges[triangle][0],
+            [false, true, true] => self.edges[triangle][1],
+            [true, false, true] => self.edges[triangle][2],
+            [true, false, false] => self.vertices[triangle][0],
+            [false, true, false] => self.vertices[triangle][1],
+            _ => self.vertices[triangle][2],
         }
     }
 

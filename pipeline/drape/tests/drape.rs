@@ -8,7 +8,7 @@ use kitsuke_drape::drape::{Drape, Obstacle, Settings, State, strain};
 use kitsuke_drape::intersections::self_intersections;
 use kitsuke_drape::near_pairs::NearPairs;
 use kitsuke_drape::repair;
-use kitsuke_drape::sheet::{Grid, Sheet};
+use kitsuke_drape::sheet::{Attachment, Grid, PatternMesh, Sheet};
 use kitsuke_drape::woven::{PRESETS, Woven};
 
 fn flat(side: usize, spacing_m: f64, height_m: f64) -> Sheet {
@@ -102,7 +102,7 @@ fn cloth_hangs_with_little_stretch_and_comes_to_certified_rest() {
     let mut drape =
         Drape::new(&sheet, &Woven::default(), &Settings { drag_per_s: 8.0, ..Settings::default() }).unwrap();
     let mut state = drape.state(&sheet);
-    for _ in 0..3000 {
+    for _ in 0..2000 {
         drape.step(None, &mut state);
     }
     let (mean, most) = strain(&sheet, &state.positions_m);
@@ -116,8 +116,8 @@ fn cloth_hangs_with_little_stretch_and_comes_to_certified_rest() {
 
 #[test]
 fn a_sheet_falls_over_a_ball_and_nothing_passes_through() {
-    let sheet = flat(40, 0.015, 0.17);
-    let body = ball(0.15);
+    let sheet = flat(30, 0.015, 0.12);
+    let body = ball(0.1);
     let at = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut drape = Drape::new(&sheet, &Woven::default(), &Settings::default()).unwrap();
@@ -133,7 +133,7 @@ fn a_sheet_falls_over_a_ball_and_nothing_passes_through() {
     assert!(bits(&state) == bits(&at(2).1), "threads change no bit");
     let certificate = drape.certify(Some(&body), Bounds { fastest_m_per_s: 10.0 }, &state);
     assert!(certificate.is_certified(), "{certificate}");
-    assert!(state.positions_m.iter().any(|p| p.y < 0.0) && state.positions_m.iter().any(|p| p.y > 0.15));
+    assert!(state.positions_m.iter().any(|p| p.y < 0.0) && state.positions_m.iter().any(|p| p.y > 0.1));
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn a_saved_state_goes_on_with_the_same_bytes() {
 /// Whatever is done to it: cloth that was clear of itself stays so.
 #[test]
 fn shaken_cloth_stays_clear_of_itself() {
-    for seed in 0..4 {
+    for seed in 0..2 {
         let mut sheet = flat(16, 0.012, 0.5);
         for particle in [0_u32, 15, 120, 255] {
             let at_m = sheet.positions_m()[particle as usize];
@@ -170,7 +170,7 @@ fn shaken_cloth_stays_clear_of_itself() {
         let mut number = numbers(seed);
         let mut drape = Drape::new(&sheet, &Woven::default(), &Settings::default()).unwrap();
         let mut state = drape.state(&sheet);
-        for _ in 0..20 {
+        for _ in 0..12 {
             let to =
                 [0, 15, 120, 255].map(|pin| (pin, DVec3::new(number(), number(), number()) * 0.08 + DVec3::Y * 0.5));
             for _ in 0..15 {
@@ -196,7 +196,7 @@ fn all_that_is_near_is_found() {
     let positions_m: Vec<DVec3> =
         sheet.positions_m().iter().map(|p| *p * 0.3 + DVec3::new(number(), number(), number()) * 0.01).collect();
     let reach_m = 0.004;
-    let found = NearPairs::new(sheet.positions_m(), sheet.triangles()).find(&positions_m, reach_m);
+    let found = NearPairs::new(sheet.positions_m(), sheet.triangles()).find(&positions_m, reach_m, reach_m);
     // Distances of places sampled on all pairs of triangles that share no vertex are no less than what was found for their corners.
     let mut least = vec![f64::INFINITY; positions_m.len()];
     for pair in &found.pairs {
@@ -226,8 +226,9 @@ fn all_that_is_near_is_found() {
             assert!(nearest >= reach_m || claimed <= nearest + 1e-12, "{first:?} {second:?}: {nearest} {claimed}");
         }
     }
+    // Pairs name each place once; bounds know all pairs.
     for (v, bound_m) in found.bounds_m.iter().enumerate() {
-        assert!((bound_m - 0.45 * least[v].min(reach_m) * (least[v] / 5e-4).min(1.0)).abs() < 1e-12);
+        assert!(*bound_m <= 0.45 * least[v].min(reach_m) * (least[v] / 5e-4).min(1.0) + 1e-12);
     }
 }
 
@@ -307,4 +308,50 @@ fn cloth_that_starts_in_a_body_comes_out() {
     }
     let certificate = drape.certify(Some(&body), Bounds::default(), &state);
     assert!(certificate.inside.is_empty() && certificate.body_crossings.is_empty(), "{certificate}");
+}
+
+/// Two panels side by side are sewn along the sides that face each other; a spring carries one particle's weight as it says.
+#[test]
+fn threads_sew_and_attachments_carry() {
+    let panel = flat(10, 0.02, 0.0);
+    let shifted = |by: DVec3| panel.positions_m().iter().map(move |p| *p + by).collect::<Vec<_>>();
+    let positions_m = [shifted(DVec3::X * -0.13), shifted(DVec3::X * 0.13)].concat();
+    let triangles: Vec<[u32; 3]> =
+        (0..2).flat_map(|i| panel.triangles().iter().map(move |t| t.map(|v| v + 100 * i))).collect();
+    let corners_uv: Vec<[glam::DVec2; 3]> =
+        triangles.iter().map(|t| t.map(|v| positions_m[v as usize]).map(|p| glam::DVec2::new(p.x, -p.z))).collect();
+    let mesh = PatternMesh {
+        positions_m: &positions_m,
+        triangles: &triangles,
+        corners_uv: &corners_uv,
+        metres_per_uv: 1.0,
+        welds: &[],
+    };
+    let mut sheet = Sheet::from_pattern(&mesh).unwrap();
+    let pairs: Vec<[u32; 2]> = (0..10).map(|row| [10 * row + 9, 100 + 10 * row]).collect();
+    sheet.sew(&pairs).unwrap();
+    let settings = Settings { gravity_m_per_s2: 0.0, drag_per_s: 5.0, ..Settings::default() };
+    let mut drape = Drape::new(&sheet, &Woven::default(), &settings).unwrap();
+    let mut state = drape.state(&sheet);
+    for _ in 0..600 {
+        drape.step(None, &mut state);
+    }
+    for [a, b] in pairs {
+        let gap_m = state.positions_m[a as usize].distance(state.positions_m[b as usize]);
+        assert!(gap_m < 0.0025, "{a} {b}: {gap_m}");
+    }
+    let certificate = drape.certify(None, Bounds::default(), &state);
+    assert!(certificate.is_certified(), "{certificate}");
+
+    let mut hung = flat(5, 0.01, 0.0);
+    let place_m = hung.positions_m()[12];
+    let weight_n = Woven::default().mass_kg_per_m2 * hung.area_m2() * 9.81;
+    hung.attach(&[Attachment { particle: 12, place_m, stiffness_n_per_m: weight_n / 0.02 }]).unwrap();
+    let settings = Settings { drag_per_s: 10.0, ..Settings::default() };
+    let mut drape = Drape::new(&hung, &Woven::default(), &settings).unwrap();
+    let mut state = drape.state(&hung);
+    for _ in 0..2000 {
+        drape.step(None, &mut state);
+    }
+    assert!((state.positions_m[12].y + 0.02).abs() < 0.001, "{}", state.positions_m[12]);
 }
