@@ -11,6 +11,7 @@ mod doors;
 mod doors_csharp;
 mod doors_view;
 mod doors_web;
+mod drape_scene;
 mod exports;
 mod fit;
 mod fit_data;

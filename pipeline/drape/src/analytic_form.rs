@@ -50,6 +50,13 @@ pub fn sphere(centre_m: DVec3, radius_m: f64, segments: usize) -> (Vec<DVec3>, V
     (positions_m, triangles)
 }
 
+/// A cylinder on the axis of Y between two heights, with flat ends: positions in metres and triangles, outside counter-clockwise, `segments`
+/// points around, at least 3.
+#[must_use]
+pub fn cylinder([low_m, high_m]: [f64; 2], radius_m: f64, segments: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    stacked(&[low_m, high_m].map(|height_m| [height_m, radius_m, radius_m]), segments, DVec3::ZERO)
+}
+
 /// Elliptical rings (height, half width, half depth) from below upward, joined and closed by a point in the middle of the
 /// lowest and of the highest; these two points are the last ones.
 fn stacked(rings: &[[f64; 3]], segments: usize, centre_m: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -92,6 +99,9 @@ mod tests {
     fn bodies_are_closed_and_face_outward() {
         let (positions_m, triangles) = sphere(DVec3::new(3.0, 1.0, -2.0), 0.5, 128);
         let wanted = 4.0 / 3.0 * std::f64::consts::PI * 0.125;
+        assert!((volume_m3(&positions_m, &triangles) / wanted - 1.0).abs() < 2e-3);
+        let (positions_m, triangles) = cylinder([-0.1, 0.2], 0.5, 128);
+        let wanted = std::f64::consts::PI * 0.25 * 0.3;
         assert!((volume_m3(&positions_m, &triangles) / wanted - 1.0).abs() < 2e-3);
         let (positions_m, triangles) = dress_form(64);
         // A woman's trunk is some 30 litres.

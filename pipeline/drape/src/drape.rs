@@ -28,7 +28,7 @@ const REACH: f64 = 2.0;
 const FARTHEST_M: f64 = 0.012;
 /// Pairs nearer than this many thicknesses, and as far as two particles go in a step besides, are pushed apart.
 const PUSH: f64 = 1.1;
-/// Neighbours in the mesh keep this share of the thickness only: their edge holds them apart already.
+/// Neighbours in the mesh keep this share of the thickness only, and of the height of their triangles: their edge holds them apart already.
 const OF_NEIGHBOURS: f64 = 0.3;
 /// One particle in so many may wait at its bound before the step looks again.
 const BOUND: usize = 200;
@@ -76,6 +76,8 @@ pub struct Drape {
     creases: Sorted<Crease>,
     /// 0 of pinned particles; in the order of the patches.
     inverse_kg: Vec<f64>,
+    /// How far each keeps its neighbours, metres, in the order of the patches.
+    apart_m: Vec<f64>,
     pins_m: Vec<Option<DVec3>>,
     /// Places of the particles that threads draw together, and those that springs draw somewhere.
     threads: Vec<[usize; 2]>,
@@ -165,7 +167,10 @@ impl Drape {
             let particle = particle as usize;
             if sheet.pins()[particle].is_some() { 0.0 } else { 1.0 / masses_kg[particle] }
         });
+        let heights_m = links::heights_m(sheet);
+        let apart_m = patches.particle_at.iter().map(|&particle| OF_NEIGHBOURS * heights_m[particle as usize]);
         Ok(Drape {
+            apart_m: apart_m.collect(),
             woven: *woven,
             settings: *settings,
             links,
@@ -220,6 +225,7 @@ impl Drape {
             .filter_map(|(place, &particle)| self.pins_m[particle as usize].map(|to_m| (place, to_m)))
             .collect();
         let mut before_m = places_m.clone();
+        let mut were_m = places_m.clone();
         let mut looked = None;
         let mut stepped = Stepped::default();
         for part in 0..parts {
@@ -233,8 +239,9 @@ impl Drape {
             };
             let drag = 1.0 / (1.0 + self.settings.drag_per_s * part_s);
             let fall = DVec3::Y * (self.settings.gravity_m_per_s2 * part_s);
-            for (place, before) in before_m.iter_mut().enumerate() {
-                *before = places_m[place];
+            were_m.copy_from_slice(&places_m);
+            before_m.copy_from_slice(&places_m);
+            for place in 0..places_m.len() {
                 if self.inverse_kg[place] > 0.0 {
                     velocities[place] = (velocities[place] + fall) * drag;
                     places_m[place] += velocities[place] * part_s;
@@ -251,7 +258,8 @@ impl Drape {
             }
             for touch in &touches {
                 let share = f64::from(left - 1) / f64::from(parts);
-                self.keep_off(touch, share, 1.0 / f64::from(parts), &mut places_m, &mut before_m, part_s);
+                let (share_now, were_m) = (1.0 / f64::from(parts), were_m[touch.place as usize]);
+                self.keep_off(touch, [share, share_now], were_m, &mut places_m, &mut before_m, part_s);
             }
             let mut bound = 0;
             for (place, at_m) in places_m.iter_mut().enumerate() {
@@ -313,10 +321,12 @@ impl Drape {
         let bounds_m = self.patches.particle_at.iter().map(|&particle| bounds_m[particle as usize]).collect();
         let mut touches = Vec::new();
         if let Some(Obstacle { body, moves_m }) = obstacle {
-            let within_m = (clearance_m + reach_m).max(deepest_m);
+            let within_m = clearance_m + reach_m;
             touches = parallel::collect(places_m.len(), |place, touches: &mut Vec<Touch>| {
+                let at_m = places_m[place];
+                let deep = || body.contains(at_m).then(|| body.signed_distance(at_m, deepest_m)).flatten();
                 if self.inverse_kg[place] > 0.0
-                    && let Some(near) = body.signed_distance(places_m[place], within_m)
+                    && let Some(near) = body.signed_distance(at_m, within_m).or_else(deep)
                 {
                     let Near { normal, place_m: at_m, triangle, shares, .. } = near;
                     let move_m = moves_m.map_or(DVec3::ZERO, |moves_m| {
@@ -372,7 +382,11 @@ impl Drape {
         let corners = pair.corners.map(|corner| corner as usize);
         let across = |of: &[DVec3]| -> DVec3 { (0..4).map(|i| of[corners[i]] * pair.weights[i]).sum() };
         let now = across(places_m);
-        let thickness_m = self.woven.thickness_m * if pair.are_neighbours { OF_NEIGHBOURS } else { 1.0 };
+        let thickness_m = if pair.are_neighbours {
+            corners.iter().map(|&corner| self.apart_m[corner]).fold(OF_NEIGHBOURS * self.woven.thickness_m, f64::min)
+        } else {
+            self.woven.thickness_m
+        };
         let missing_m = thickness_m - now.dot(pair.normal);
         if missing_m <= 0.0 {
             return;
@@ -389,7 +403,7 @@ impl Drape {
         let slide = now - then;
         let slide = slide - pair.normal * slide.dot(pair.normal);
         let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (self.woven.friction * push_m / slid_m).min(1.0) } else { 0.0 };
+        let stop = if slid_m > 0.0 { (self.woven.friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
         for i in 0..4 {
             let weight = self.inverse_kg[corners[i]] * pair.weights[i] / share;
             places_m[corners[i]] += (pair.normal * push_m - slide * stop) * weight;
@@ -397,12 +411,13 @@ impl Drape {
         }
     }
 
-    /// Cloth against the body, which goes by `share_now` of its step in this part and has `share_left` before it.
+    /// Cloth against the body, which has `share_left` of its way in this step before it and goes by `share_now` in this part, at whose begin the
+    /// particle was at `was_m`.
     fn keep_off(
         &self,
         touch: &Touch,
-        share_left: f64,
-        share_now: f64,
+        [share_left, share_now]: [f64; 2],
+        was_m: DVec3,
         places_m: &mut [DVec3],
         before_m: &mut [DVec3],
         part_s: f64,
@@ -414,13 +429,15 @@ impl Drape {
             return;
         }
         let then_m = surface_m - touch.move_m * share_now;
-        let old_m = (self.settings.clearance_m - (before_m[place] - then_m).dot(touch.normal)).clamp(0.0, missing_m);
+        // Other layers moved it without a velocity; not into the body.
+        before_m[place] += touch.normal * (was_m - before_m[place]).dot(touch.normal).max(0.0);
+        let old_m = (self.settings.clearance_m - (was_m - then_m).dot(touch.normal)).clamp(0.0, missing_m);
         let apart_m = old_m.min(APART_M_PER_S * part_s);
         let push_m = missing_m - old_m + apart_m;
         let slide = places_m[place] - before_m[place] - touch.move_m * share_now;
         let slide = slide - touch.normal * slide.dot(touch.normal);
         let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (self.woven.body_friction * push_m / slid_m).min(1.0) } else { 0.0 };
+        let stop = if slid_m > 0.0 { (self.woven.body_friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
         places_m[place] += touch.normal * push_m - slide * stop;
         before_m[place] += touch.normal * apart_m;
     }

@@ -31,6 +31,8 @@ pub struct Crease {
     pub compliance_m_per_n: f64,
 }
 
+/// Least area of a triangle, in squares of its longest side.
+const THINNEST: f64 = 0.05;
 /// Cloth longer than its pattern by this share does not give any more.
 const LONGEST: f64 = 0.05;
 
@@ -44,6 +46,19 @@ pub fn masses_kg(sheet: &Sheet, woven: &Woven) -> Vec<f64> {
         corners.iter().for_each(|&v| masses[v as usize] += area_m2 / 3.0 * woven.mass_kg_per_m2);
     }
     masses
+}
+
+/// The least height of the triangles at each particle, metres.
+#[must_use]
+pub fn heights_m(sheet: &Sheet) -> Vec<f64> {
+    let lengths_m = lengths_m(sheet);
+    let mut heights_m = vec![f64::INFINITY; sheet.positions_m().len()];
+    for corners in sheet.triangles() {
+        let sides_m = corners_lengths_m(&lengths_m, *corners);
+        let height_m = 2.0 * area_m2(sides_m) / sides_m[0].max(sides_m[1]).max(sides_m[2]);
+        corners.iter().for_each(|&v| heights_m[v as usize] = heights_m[v as usize].min(height_m));
+    }
+    heights_m
 }
 
 /// One link per edge of the cloth, its ends numbered as the sheet does.
@@ -150,9 +165,10 @@ fn corners_lengths_m(lengths_m: &BTreeMap<[u32; 2], f64>, [a, b, c]: [u32; 3]) -
     [[b, c], [c, a], [a, b]].map(|[from, to]| lengths_m[&[from.min(to), from.max(to)]])
 }
 
-/// By Heron. Seams hold cloths of unequal length together, so that the three need not quite make a triangle.
+/// By Heron. Seams hold cloths of unequal length together, so that the three need not quite make a triangle; and what is thinner than a
+/// tenth of its length counts as so thin, or a crease at it would be as stiff as steel.
 fn area_m2([a, b, c]: [f64; 3]) -> f64 {
     let half = 0.5 * (a + b + c);
     let longest = a.max(b).max(c);
-    (half * (half - a) * (half - b) * (half - c)).max(1e-12 * longest.powi(4)).sqrt()
+    (half * (half - a) * (half - b) * (half - c)).max(0.0).sqrt().max(THINNEST * longest * longest)
 }

@@ -355,3 +355,36 @@ fn threads_sew_and_attachments_carry() {
     }
     assert!((state.positions_m[12].y + 0.02).abs() < 0.001, "{}", state.positions_m[12]);
 }
+
+/// Layers that press on the lowest one do not press it into the body.
+#[test]
+fn a_stack_falls_on_a_ball_and_stays_outside() {
+    let (mut positions_m, mut triangles, mut corners_uv) = (Vec::new(), Vec::new(), Vec::new());
+    for layer in 0..5 {
+        let sheet = flat(14, 0.015, 0.105 + 0.008 * f64::from(layer));
+        let before = positions_m.len() as u32;
+        for corners in sheet.triangles() {
+            triangles.push(corners.map(|v| v + before));
+            corners_uv.push(corners.map(|v| sheet.positions_m()[v as usize]).map(|p| glam::DVec2::new(p.x, -p.z)));
+        }
+        // Turned, so that no edge lies on another.
+        let (sin, cos) = (libm::sin(0.3 * f64::from(layer)), libm::cos(0.3 * f64::from(layer)));
+        let turned = |p: &DVec3| DVec3::new(cos * p.x + sin * p.z, p.y, cos * p.z - sin * p.x);
+        positions_m.extend(sheet.positions_m().iter().map(turned));
+    }
+    let mesh = PatternMesh {
+        positions_m: &positions_m,
+        triangles: &triangles,
+        corners_uv: &corners_uv,
+        metres_per_uv: 1.0,
+        welds: &[],
+    };
+    let (sheet, body) = (Sheet::from_pattern(&mesh).unwrap(), ball(0.1));
+    let mut drape = Drape::new(&sheet, &Woven::default(), &Settings::default()).unwrap();
+    let mut state = drape.state(&sheet);
+    for _ in 0..240 {
+        drape.step(Some(Obstacle { body: &body, moves_m: None }), &mut state);
+    }
+    let certificate = drape.certify(Some(&body), Bounds { fastest_m_per_s: 10.0 }, &state);
+    assert!(certificate.is_certified(), "{certificate}");
+}

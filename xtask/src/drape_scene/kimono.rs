@@ -79,7 +79,7 @@ pub fn scene(places: &Places, id: &str, start: u32, displaced_m: f64, pose: Opti
         target_m = Some(double(&target.positions_m));
         moves = Some(moving(&garment, target));
     }
-    Ok(Scene { sheet, body: Some(body), start_m: Some(start_m), target_m, moves, pins: None })
+    Ok(Scene { body: Some(body), start_m: Some(start_m), target_m, moves, ..Scene::of(sheet) })
 }
 
 /// The wearer on her way from the T-pose to a target's pose, at 60 degrees a second.

@@ -1,6 +1,9 @@
 //! `cargo xtask drape-scene NAME`: cloth that falls and comes to rest, with figures and pictures.
 
+mod curves;
+mod energy;
 pub mod kimono;
+mod laboratory;
 mod picture;
 mod plain;
 
@@ -21,17 +24,17 @@ use std::time::Instant;
 const STEPS_AT_ONCE: u64 = 60;
 /// How long cloth falls freely, seconds; then drag grows for as long.
 const FREE_S: f64 = 1.0;
-const MOST_DRAG_PER_S: f64 = 20.0;
 
 /// Let cloth fall and come to certified rest, and show it
 ///
-/// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers.
+/// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers,
+/// cantilever and drape-coefficient (of textile laboratories, with what they measure).
 /// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
 /// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene
-    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers"])]
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient"])]
     scene: String,
     /// Which kimono
     #[arg(long, default_value = "komon")]
@@ -51,9 +54,9 @@ pub struct Args {
     /// Most seconds to simulate
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     seconds: f64,
-    /// Parts of a step of 1/600 s: more stretch less and take longer
-    #[arg(long, default_value_t = 4)]
-    parts: u32,
+    /// Parts of a step of 1/600 s: more stretch less and take longer [default: what the scene needs]
+    #[arg(long)]
+    parts: Option<u32>,
     /// Where pictures, the draped shape and a state that was interrupted go
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -76,6 +79,35 @@ pub struct Scene {
     pub moves: Option<Moves>,
     /// How far a pinned particle has come after so many seconds; pins that stand still need none.
     pub pins: Option<fn(usize, DVec3, f64) -> DVec3>,
+    /// Parts of a step that it needs: the finer the cloth, the more, or it stretches and hangs lower than it is stiff.
+    pub parts: u32,
+    /// Drag with which it comes to rest. What swings comes to rest the soonest with about twice its frequency (rad/s), what is pressed with more.
+    pub most_drag_per_s: f64,
+    /// What is measured where the cloth lies.
+    pub figures: Option<Measure>,
+}
+
+/// Measures cloth at these places.
+pub type Measure = fn(&Scene, &Woven, &[DVec3]) -> Figures;
+
+/// Names with units, as in the JSON, and values.
+pub type Figures = Vec<(&'static str, f64)>;
+
+impl Scene {
+    /// A sheet, and nothing else.
+    pub fn of(sheet: Sheet) -> Scene {
+        Scene {
+            sheet,
+            body: None,
+            start_m: None,
+            target_m: None,
+            moves: None,
+            pins: None,
+            parts: 4,
+            most_drag_per_s: 20.0,
+            figures: None,
+        }
+    }
 }
 
 /// A body that goes from one shape to another.
@@ -95,9 +127,9 @@ fn draped(args: &Args) -> Result<(), String> {
     let woven = Woven::preset(&args.cloth).expect("clap allows presets only");
     let mut scene = match args.scene.as_str() {
         "kimono" => kimono::scene(&args.places, &args.id, args.start, args.displaced * 1e-3, args.pose.as_deref())?,
-        name => plain::scene(name)?,
+        name => plain::scene(name, &woven)?,
     };
-    let settings = Settings { parts: args.parts, ..Settings::default() };
+    let settings = Settings { parts: args.parts.unwrap_or(scene.parts), ..Settings::default() };
     let mut drape = Drape::new(&scene.sheet, &woven, &settings).map_err(|error| error.to_string())?;
     let mut state = drape.state(&scene.sheet);
     if let Some(start_m) = &scene.start_m {
@@ -114,7 +146,9 @@ fn draped(args: &Args) -> Result<(), String> {
     let stopped = Arc::clone(&stop);
     ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed)).map_err(|error| error.to_string())?;
 
-    let mut film = vec![picture::frame(&scene, &state, simulated_s(&state, &settings))];
+    let stores = energy::stores(&scene.sheet, &woven);
+    let mut lowest_j = f64::INFINITY;
+    let mut film = vec![picture::Frame::of(&scene, &state, &settings)];
     let started = Instant::now();
     let most_steps = (args.seconds / settings.step_s) as u64;
     let mut certificate = None;
@@ -124,13 +158,15 @@ fn draped(args: &Args) -> Result<(), String> {
             last = advance(&mut scene, &mut drape, &settings, &mut state)?;
         }
         let (mean, _) = strain(&scene.sheet, &state.positions_m);
+        let energy_j = energy::energy(&stores, &state.positions_m).sum_j();
         say!(
-            "{:5.2} s of cloth in {:6.1} s: moves at {:8.3} mm/s, at most {:8.2}; strain {:.3} %; {} near pairs, {} on the body, {} wait, {} looks",
+            "{:5.2} s of cloth in {:6.1} s: moves at {:8.3} mm/s, at most {:8.2}; strain {:.3} %; {:.5} J; {} near pairs, {} on the body, {} wait, {} looks",
             simulated_s(&state, &settings),
             started.elapsed().as_secs_f64(),
             1e3 * last.speed_m_per_s,
             1e3 * last.fastest_m_per_s,
             1e2 * mean,
+            energy_j,
             last.pairs,
             last.on_body,
             last.waiting,
@@ -141,29 +177,24 @@ fn draped(args: &Args) -> Result<(), String> {
             return Err(format!("interrupted; the same command goes on from {}", kept.display()));
         }
         if state.steps.is_multiple_of(10 * STEPS_AT_ONCE) {
-            film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
+            film.push(picture::Frame::of(&scene, &state, &settings));
         }
         if is_at_rest(&scene, &last, &state, &settings) {
             certificate = Some(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+        } else if simulated_s(&state, &settings) > FREE_S {
+            lowest_j = lowest_j.min(energy_j);
         }
     }
     let seconds = started.elapsed().as_secs_f64();
     let rests = certificate.is_some();
     let certificate = certificate.unwrap_or_else(|| drape.certify(scene.body.as_ref(), Bounds::default(), &state));
-    film.push(picture::frame(&scene, &state, simulated_s(&state, &settings)));
-    picture::write(&args.out.join(format!("{}.png", args.scene)), &scene, &state, film, &certificate)?;
+    film.push(picture::Frame::of(&scene, &state, &settings));
+    picture::write(&args.out.join(format!("{}.png", args.scene)), &scene, &film, &certificate)?;
     write_obj(&args.out.join(format!("{}.obj", args.scene)), &scene, &state)?;
     if kept.exists() {
         std::fs::remove_file(&kept).map_err(|error| format!("cannot delete {}: {error}", kept.display()))?;
     }
     let (mean, most) = strain(&scene.sheet, &state.positions_m);
-    if let Some(target_m) = &scene.target_m {
-        let mut away_mm: Vec<f64> =
-            target_m.iter().zip(&state.positions_m).map(|(a, b)| 1e3 * a.distance(*b)).collect();
-        away_mm.sort_by(f64::total_cmp);
-        let mean_mm = away_mm.iter().sum::<f64>() / away_mm.len() as f64;
-        say!("from the target {mean_mm:.1} mm on average, 95 % within {:.1} mm", away_mm[away_mm.len() * 95 / 100]);
-    }
     say!(
         "{:.2} s of cloth in {seconds:.1} s on {} threads; strain {:.3} % mean, {:.1} % at most",
         simulated_s(&state, &settings),
@@ -171,8 +202,26 @@ fn draped(args: &Args) -> Result<(), String> {
         1e2 * mean,
         1e2 * most
     );
+    let energy = energy::energy(&stores, &state.positions_m);
+    let mut measured = vec![
+        ("gravity_mj", 1e3 * energy.gravity_j),
+        ("stretch_mj", 1e3 * energy.stretch_j),
+        ("bending_mj", 1e3 * energy.bending_j),
+    ];
+    if lowest_j.is_finite() {
+        measured.push(("above_lowest_before_mj", 1e3 * (energy.sum_j() - lowest_j)));
+    }
+    measured.extend(scene.figures.map_or(Vec::new(), |figures| figures(&scene, &woven, &state.positions_m)));
+    measured.iter().for_each(|(name, value)| say!("{name}: {value:.3}"));
+    if let Some(target_m) = &scene.target_m {
+        let mut away_mm: Vec<f64> =
+            target_m.iter().zip(&state.positions_m).map(|(a, b)| 1e3 * a.distance(*b)).collect();
+        away_mm.sort_by(f64::total_cmp);
+        let mean_mm = away_mm.iter().sum::<f64>() / away_mm.len() as f64;
+        say!("from the target {mean_mm:.1} mm on average, 95 % within {:.1} mm", away_mm[away_mm.len() * 95 / 100]);
+    }
     if let Some(path) = &args.json {
-        let figures = figures(&certificate, seconds, simulated_s(&state, &settings), (mean, most));
+        let figures = figures(&certificate, seconds, simulated_s(&state, &settings), (mean, most), &measured);
         write_whole(path, |out| out.write_all(figures.as_bytes()))?;
     }
     if rests && certificate.is_certified() {
@@ -201,7 +250,7 @@ pub fn rested(scene: &mut Scene, woven: &Woven, settings: &Settings, seconds: f6
 fn advance(scene: &mut Scene, drape: &mut Drape, settings: &Settings, state: &mut State) -> Result<Stepped, String> {
     let now_s = simulated_s(state, settings);
     let moved_s = scene.moves.as_ref().map_or(0.0, |moves| moves.seconds);
-    drape.set_drag(drag_per_s(now_s - moved_s, settings));
+    drape.set_drag(drag_per_s(now_s - moved_s, settings, scene.most_drag_per_s));
     if let Some(pins) = scene.pins {
         for (particle, pin) in scene.sheet.pins().iter().enumerate() {
             if let Some(from_m) = pin {
@@ -210,12 +259,14 @@ fn advance(scene: &mut Scene, drape: &mut Drape, settings: &Settings, state: &mu
         }
     }
     let mut moves_m = None;
-    if let (Some(moves), Some(body)) = (&scene.moves, &mut scene.body)
-        && now_s <= moves.seconds + settings.step_s
-    {
-        let at_m = (moves.at_m)(((now_s + settings.step_s) / moves.seconds).min(1.0));
-        moves_m = Some(at_m.iter().zip(body.surface().positions_m()).map(|(to, from)| *to - *from).collect::<Vec<_>>());
-        body.moved(&at_m).map_err(|error| error.to_string())?;
+    if let (Some(moves), Some(body)) = (&scene.moves, &mut scene.body) {
+        // Also where a saved state goes on after the way.
+        let (from_m, to_m) =
+            [now_s, now_s + settings.step_s].map(|at_s| (moves.at_m)((at_s / moves.seconds).min(1.0))).into();
+        if now_s < moves.seconds {
+            moves_m = Some(to_m.iter().zip(&from_m).map(|(to, from)| *to - *from).collect::<Vec<DVec3>>());
+        }
+        body.moved(&to_m).map_err(|error| error.to_string())?;
     }
     let obstacle = scene.body.as_ref().map(|body| Obstacle { body, moves_m: moves_m.as_deref() });
     Ok(drape.step(obstacle, state))
@@ -227,9 +278,9 @@ fn is_at_rest(scene: &Scene, last: &Stepped, state: &State, settings: &Settings)
 }
 
 /// Free for a second, then growing, so that what still swings comes to rest.
-fn drag_per_s(seconds: f64, settings: &Settings) -> f64 {
-    let share = (seconds / FREE_S - 1.0).max(0.0);
-    settings.drag_per_s + (MOST_DRAG_PER_S - settings.drag_per_s) * share.min(1.0)
+fn drag_per_s(seconds: f64, settings: &Settings, most_per_s: f64) -> f64 {
+    let share = (seconds / FREE_S - 1.0).clamp(0.0, 1.0);
+    settings.drag_per_s + (most_per_s - settings.drag_per_s) * share
 }
 
 fn simulated_s(state: &State, settings: &Settings) -> f64 {
@@ -271,11 +322,18 @@ fn write_obj(path: &Path, scene: &Scene, state: &State) -> Result<(), String> {
     })
 }
 
-fn figures(certificate: &Certificate, seconds: f64, simulated_s: f64, (mean, most): (f64, f64)) -> String {
+fn figures(
+    certificate: &Certificate,
+    seconds: f64,
+    simulated_s: f64,
+    (mean, most): (f64, f64),
+    measured: &Figures,
+) -> String {
+    let measured: String = measured.iter().map(|(name, value)| format!(",\n  \"{name}\": {value:.6}")).collect();
     let fastest = certificate.fastest.map_or(0.0, |fastest| fastest.speed_m_per_s);
     format!(
         "{{\n  \"certified\": {},\n  \"drape_to_rest_s\": {seconds:.2},\n  \"simulated_s\": {simulated_s:.3},\n  \"fastest_mm_per_s\": {:.4},\n  \
-         \"strain_mean\": {mean:.6},\n  \"strain_max\": {most:.6},\n  \"inside\": {},\n  \"body_crossings\": {},\n  \"self_crossings\": {}\n}}\n",
+         \"strain_mean\": {mean:.6},\n  \"strain_max\": {most:.6},\n  \"inside\": {},\n  \"body_crossings\": {},\n  \"self_crossings\": {}{measured}\n}}\n",
         certificate.is_certified(),
         1e3 * fastest,
         certificate.inside.len(),

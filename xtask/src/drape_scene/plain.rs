@@ -1,16 +1,20 @@
 //! Scenes from formulas: sheets that hang, fall over a ball, are twisted, or fall onto each other.
 
-use super::Scene;
+use super::curves::catenary_sag_m;
+use super::{Figures, Scene, laboratory};
 use glam::DVec3;
 use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
 use kitsuke_drape::sheet::{Grid, PatternMesh, Sheet, SheetError};
+use kitsuke_drape::woven::Woven;
 
 const SPACING_M: f64 = 0.015;
 
-/// The scene of a name.
-pub fn scene(name: &str) -> Result<Scene, String> {
+/// The scene of a name, of a cloth.
+pub fn scene(name: &str, woven: &Woven) -> Result<Scene, String> {
     let made = match name {
+        "cantilever" => laboratory::cantilever(woven),
+        "drape-coefficient" => laboratory::drape_coefficient(),
         "hanging" => hanging(),
         "sphere" => sphere(),
         "twist" => twist(),
@@ -24,10 +28,6 @@ fn flat(rows: usize, columns: usize, height_m: f64) -> Grid {
     let half_m = |count: usize| 0.5 * SPACING_M * (count - 1) as f64;
     let corner_m = DVec3::new(-half_m(columns), height_m, half_m(rows));
     Grid { rows, columns, spacing_m: SPACING_M, corner_m, weft: DVec3::X, warp: DVec3::NEG_Z }
-}
-
-fn alone(sheet: Sheet) -> Scene {
-    Scene { sheet, body: None, start_m: None, target_m: None, moves: None, pins: None }
 }
 
 fn pinned(sheet: &mut Sheet, particles: impl Iterator<Item = usize>) -> Result<(), SheetError> {
@@ -46,29 +46,44 @@ fn hanging() -> Result<Scene, SheetError> {
         let to_m = DVec3::new(if particle == 0 { -0.3 } else { 0.3 }, from_m.y, from_m.z);
         from_m.lerp(to_m, seconds.min(1.0))
     };
-    Ok(Scene { pins: Some(pins), ..alone(sheet) })
+    Ok(Scene { pins: Some(pins), figures: Some(of_hanging), parts: 10, most_drag_per_s: 6.0, ..Scene::of(sheet) })
+}
+
+/// How far the upper edge sags, beside a chain of its length between the same places.
+fn of_hanging(scene: &Scene, _: &Woven, positions_m: &[DVec3]) -> Figures {
+    let edge_m = &positions_m[..67];
+    let lowest_m = edge_m.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    let length_m: f64 = scene.sheet.positions_m()[..67].windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    vec![
+        ("sag_mm", 1e3 * (edge_m[0].y - lowest_m)),
+        ("catenary_sag_mm", 1e3 * catenary_sag_m(length_m, edge_m[0].distance(edge_m[66]))),
+    ]
 }
 
 /// A square of 90 cm falls over a ball of 40 cm.
 fn sphere() -> Result<Scene, SheetError> {
     let (positions_m, triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
     let body = Body::new(&positions_m, &triangles).expect("a ball is a body");
-    Ok(Scene { body: Some(body), ..alone(Sheet::from_grid(&flat(61, 61, 0.22))?) })
+    Ok(Scene { body: Some(body), ..Scene::of(Sheet::from_grid(&flat(61, 61, 0.22))?) })
 }
 
-/// A band of 30 by 60 cm whose ends are turned against each other, one turn each.
+/// A band of 30 by 60 cm whose ends are turned against each other, half a turn each, and come nearer by a quarter. Wound by two turns it is
+/// stretched by two thirds in places, and does not come to rest.
 fn twist() -> Result<Scene, SheetError> {
     let (rows, columns) = (41, 21);
-    let mut sheet = Sheet::from_grid(&flat(rows, columns, 0.0))?;
+    let half_m = |count: usize| 0.5 * SPACING_M * (count - 1) as f64;
+    let corner_m = DVec3::new(-half_m(rows), 0.0, half_m(columns));
+    let grid = Grid { rows, columns, spacing_m: SPACING_M, corner_m, weft: DVec3::NEG_Z, warp: DVec3::X };
+    let mut sheet = Sheet::from_grid(&grid)?;
     let last = rows * columns;
     pinned(&mut sheet, (0..columns).chain(last - columns..last))?;
     let pins = |_: usize, from_m: DVec3, seconds: f64| {
-        let angle = from_m.z.signum() * std::f64::consts::TAU * (seconds / 4.0).min(1.0);
+        let share = (seconds / 4.0).min(1.0);
+        let angle = from_m.x.signum() * std::f64::consts::PI * share;
         let (sin, cos) = (libm::sin(angle), libm::cos(angle));
-        let nearer = 1.0 - 0.15 * (seconds / 4.0).min(1.0);
-        DVec3::new(from_m.x * cos - from_m.y * sin, from_m.x * sin + from_m.y * cos, from_m.z * nearer)
+        DVec3::new(from_m.x * (1.0 - 0.25 * share), -from_m.z * sin, from_m.z * cos)
     };
-    Ok(Scene { pins: Some(pins), ..alone(sheet) })
+    Ok(Scene { pins: Some(pins), ..Scene::of(sheet) })
 }
 
 /// Ten squares of 45 cm fall onto a ball, one after the other.
@@ -95,5 +110,5 @@ fn layers() -> Result<Scene, SheetError> {
     };
     let (body_m, body_triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
     let body = Body::new(&body_m, &body_triangles).expect("a ball is a body");
-    Ok(Scene { body: Some(body), ..alone(Sheet::from_pattern(&mesh)?) })
+    Ok(Scene { body: Some(body), ..Scene::of(Sheet::from_pattern(&mesh)?) })
 }
