@@ -18,8 +18,10 @@ use crate::woven::Woven;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How fast cloth that lies too near to something is moved away from it, metres per second.
+/// How fast cloth that lies too near to something is moved away from it at most, metres per second; and the share of what is missing in a part
+/// of a step, so that it settles instead of being thrown to and fro.
 const APART_M_PER_S: f64 = 0.1;
+const APART: f64 = 0.1;
 /// How fast the two ends of a thread are drawn together, metres per second.
 const SEWN_M_PER_S: f64 = 0.5;
 /// Nearer than this many thicknesses, and as far as particles go in a step besides, near pairs are looked for; at most
@@ -96,7 +98,7 @@ pub struct State {
     pub velocities_m_per_s: Vec<DVec3>,
     /// Steps that were taken.
     pub steps: u64,
-    /// How each particle went in the last step, metres per second; nothing goes on from it.
+    /// How each particle went in the last step, or in as long as a caller looks at, metres per second; nothing goes on from it.
     pub went_m_per_s: Vec<DVec3>,
 }
 
@@ -394,7 +396,7 @@ impl Drape {
         let then = across(before_m);
         // What was too near before is moved apart slowly and without a velocity.
         let old_m = (thickness_m - then.dot(pair.normal)).clamp(0.0, missing_m);
-        let apart_m = old_m.min(APART_M_PER_S * part_s);
+        let apart_m = (APART * old_m).min(APART_M_PER_S * part_s);
         let push_m = missing_m - old_m + apart_m;
         let share: f64 = (0..4).map(|i| self.inverse_kg[corners[i]] * pair.weights[i] * pair.weights[i]).sum();
         if share <= 0.0 {
@@ -432,7 +434,7 @@ impl Drape {
         // Other layers moved it without a velocity; not into the body.
         before_m[place] += touch.normal * (was_m - before_m[place]).dot(touch.normal).max(0.0);
         let old_m = (self.settings.clearance_m - (was_m - then_m).dot(touch.normal)).clamp(0.0, missing_m);
-        let apart_m = old_m.min(APART_M_PER_S * part_s);
+        let apart_m = (APART * old_m).min(APART_M_PER_S * part_s);
         let push_m = missing_m - old_m + apart_m;
         let slide = places_m[place] - before_m[place] - touch.move_m * share_now;
         let slide = slide - touch.normal * slide.dot(touch.normal);
