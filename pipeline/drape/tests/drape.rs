@@ -232,6 +232,25 @@ fn all_that_is_near_is_found() {
     }
 }
 
+/// A large sheet that falls from the horizontal and swings about its row without any drag gains no energy.
+#[test]
+fn what_swings_freely_does_not_go_faster_than_it_fell() {
+    let mut sheet = flat(118, 0.015, 2.0);
+    for particle in 0..118 {
+        let at_m = sheet.positions_m()[particle];
+        sheet.pin(particle as u32, at_m).unwrap();
+    }
+    let settings = Settings { drag_per_s: 0.0, meets_itself: false, ..Settings::default() };
+    let mut drape = Drape::new(&sheet, &Woven::default(), &settings).unwrap();
+    let mut state = drape.state(&sheet);
+    let fallen_m = 2.0 * 1.755;
+    for _ in 0..480 {
+        let stepped = drape.step(None, &mut state);
+        assert!(stepped.speed_m_per_s * stepped.speed_m_per_s < 2.0 * 9.81 * fallen_m, "{stepped:?}");
+    }
+    assert!(strain(&sheet, &state.positions_m).0 < 0.03);
+}
+
 #[test]
 fn presets_are_in_range_and_errors_name_the_constant() {
     for (name, woven) in PRESETS {
