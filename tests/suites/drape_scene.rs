@@ -69,10 +69,20 @@ fn what_is_no_scene_and_what_is_no_state_are_told() {
     assert_eq!(output.status.code(), Some(2));
     let said = errors(&output);
     assert!(said.contains("invalid value 'curtain'") && said.contains("possible values: kimono, hanging"), "{said}");
-    fs::write(folder.path().join("twist.state"), b"of another").unwrap();
-    let output = drape_scene(&["twist"], folder.path()).unwrap().output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(errors(&output).contains("has 10 bytes") && errors(&output).contains("delete it"), "{}", errors(&output));
+    let of = "kitsuke drape-scene twist --cloth chirimen --parts 4\n";
+    for (state, wanted) in [
+        ("of another".to_owned(), "twist.state is no state of drape-scene; delete it"),
+        (
+            of.replace("chirimen", "obi"),
+            "is of `twist --cloth obi --parts 4`, not of `twist --cloth chirimen --parts 4`",
+        ),
+        (format!("{of}short"), "has 5 bytes behind its first line"),
+    ] {
+        fs::write(folder.path().join("twist.state"), state).unwrap();
+        let output = drape_scene(&["twist"], folder.path()).unwrap().output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(errors(&output).contains(wanted), "{}", errors(&output));
+    }
 }
 
 #[test]

@@ -112,11 +112,12 @@ fn rooms_stand_on_the_floors_below_them() {
     ];
     let drape: &[&[&str]] = &[
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
-        &["cloth_contact", "patches", "triangle_tree", "woven"],
+        &["cloth_contact", "patches", "room", "triangle_tree", "woven"],
         &["intersections", "links", "near_pairs", "relax"],
-        &["body", "repair"],
+        &["body", "contacts", "repair"],
         &["certificate"],
         &["drape"],
+        &["rest"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
     for (folder, floors) in crates {

@@ -142,6 +142,16 @@ impl Body {
         Ok(())
     }
 
+    /// What is given for the vertices that were given, metres, also for the middles of holes.
+    ///
+    /// # Panics
+    /// When their number is another one.
+    #[must_use]
+    pub fn also_middles(&self, given_m: &[DVec3]) -> Vec<DVec3> {
+        assert_eq!(given_m.len(), self.vertices, "one to each vertex of the body");
+        with_middles(given_m, &self.rims)
+    }
+
     /// Its closed surface, with the fans of holes behind what was given.
     #[must_use]
     pub fn surface(&self) -> &Surface {

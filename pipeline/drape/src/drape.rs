@@ -1,39 +1,37 @@
 //! The solver that makes shapes for production: woven cloth in SI units on a body that may move, in small steps of extended position based
-//! dynamics, with Coulomb friction. Between two looks for near pairs no particle goes farther than its bound, so that cloth that was
-//! clear of itself stays clear whatever happens. Knows no garments and no files.
+//! dynamics, with Coulomb friction. Between two looks for what is near, each particle keeps to its room, so that cloth that was clear of itself
+//! stays clear whatever happens. Knows no garments and no files.
 //!
-//! Each step looks once for what is near the cloth, then takes its parts: places go on with their velocities, edges and creases, cloth against
-//! cloth and body and cloth correct them, and velocities are what came of it (Macklin et al., Small Steps in Physics Simulation, 2019).
-//! Particles that come to their bounds wait there; if they are many, the step looks again.
+//! A step takes its parts: places go on with their velocities, edges and creases, cloth against cloth and body and cloth correct them, and
+//! velocities are what came of it (Macklin et al., Small Steps in Physics Simulation, 2019). What is near is looked for before a step, again
+//! when many particles are at the end of their room, and no more often where neither cloth nor body moves much.
 
 use crate::body::{Body, Near};
 use crate::certificate::{Bounds, Certificate, certify};
+use crate::contacts::{OF_NEIGHBOURS, Part, Touch};
 use crate::fabric::{FabricError, above_zero, at_least_zero};
 use crate::links::{self, Crease, Link, flatten, keep_length};
 use crate::near_pairs::{Found, NearPair, NearPairs};
 use crate::parallel;
 use crate::patches::{Patches, Sorted};
+use crate::room::Room;
 use crate::sheet::{Attachment, Sheet};
 use crate::woven::Woven;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How fast cloth that lies too near to something is moved away from it at most, metres per second; and the share of what is missing in a part
-/// of a step, so that it settles instead of being thrown to and fro.
-const APART_M_PER_S: f64 = 0.1;
-const APART: f64 = 0.1;
 /// How fast the two ends of a thread are drawn together, metres per second.
 const SEWN_M_PER_S: f64 = 0.5;
 /// Nearer than this many thicknesses, and as far as particles go in a step besides, near pairs are looked for; at most
 /// [`FARTHEST_M`], beyond which the step looks again instead.
-const REACH: f64 = 2.0;
+const REACH: f64 = 2.5;
 const FARTHEST_M: f64 = 0.012;
 /// Pairs nearer than this many thicknesses, and as far as two particles go in a step besides, are pushed apart.
-const PUSH: f64 = 1.1;
-/// Neighbours in the mesh keep this share of the thickness only, and of the height of their triangles: their edge holds them apart already.
-const OF_NEIGHBOURS: f64 = 0.3;
-/// One particle in so many may wait at its bound before the step looks again.
+const PUSH: f64 = 1.5;
+/// One particle in so many may wait at the end of its room, or have gone farther than pairs were looked for, before the solver looks again.
 const BOUND: usize = 200;
+/// A look serves at most so many steps.
+const LASTS: u32 = 12;
 
 /// How the solver steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,12 +78,14 @@ pub struct Drape {
     inverse_kg: Vec<f64>,
     /// How far each keeps its neighbours, metres, in the order of the patches.
     apart_m: Vec<f64>,
-    pins_m: Vec<Option<DVec3>>,
+    /// Places of pinned particles, ascending, and where they go.
+    pins_m: Vec<(usize, DVec3)>,
     /// Places of the particles that threads draw together, and those that springs draw somewhere.
     threads: Vec<[usize; 2]>,
     attached: Vec<(usize, Attachment)>,
     /// As the sheet numbers them.
     triangles: Vec<[u32; 3]>,
+    /// In the order of the patches.
     near_pairs: NearPairs,
 }
 
@@ -98,8 +98,9 @@ pub struct State {
     pub velocities_m_per_s: Vec<DVec3>,
     /// Steps that were taken.
     pub steps: u64,
-    /// How each particle went in the last step, or in as long as a caller looks at, metres per second; nothing goes on from it.
-    pub went_m_per_s: Vec<DVec3>,
+    /// How far each particle came from where it was in the steps that were taken last, at the most, divided by how long they took, metres per
+    /// second: who comes back has moved, too. Nothing goes on from it.
+    pub went_m_per_s: Vec<f64>,
 }
 
 /// A body at the end of a step.
@@ -111,12 +112,44 @@ pub struct Obstacle<'a> {
     pub moves_m: Option<&'a [DVec3]>,
 }
 
-/// What a step did.
+/// What is about cloth, and moves.
+pub trait Surroundings {
+    /// Brings the body and the cloth's pins to where they are at the end of the step that comes after so many. Whether either moves in it.
+    fn go(&mut self, drape: &mut Drape, after_steps: u64) -> bool;
+    /// The body there.
+    fn obstacle(&self) -> Option<Obstacle<'_>>;
+}
+
+/// A body that stands still, or none.
+impl Surroundings for Option<&Body> {
+    fn go(&mut self, _: &mut Drape, _: u64) -> bool {
+        false
+    }
+
+    fn obstacle(&self) -> Option<Obstacle<'_>> {
+        self.map(|body| Obstacle { body, moves_m: None })
+    }
+}
+
+/// For a step alone.
+struct AtOnce<'a>(Option<Obstacle<'a>>);
+
+impl Surroundings for AtOnce<'_> {
+    fn go(&mut self, _: &mut Drape, _: u64) -> bool {
+        true
+    }
+
+    fn obstacle(&self) -> Option<Obstacle<'_>> {
+        self.0
+    }
+}
+
+/// What steps did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stepped {
-    /// Of the fastest particle that is not pinned, over the whole step, metres per second.
+    /// Of the fastest particle that is not pinned, as in [`State::went_m_per_s`], metres per second.
     pub fastest_m_per_s: f64,
-    /// Root of the mean squared speed of the cloth's mass.
+    /// Root of the mean squared speed of the cloth's mass, of the same.
     pub speed_m_per_s: f64,
     /// Pairs of cloth near cloth in the last look.
     pub pairs: usize,
@@ -124,18 +157,28 @@ pub struct Stepped {
     pub on_body: usize,
     /// How often near pairs were looked for.
     pub looks: u32,
-    /// Particles that wait at their bound at the end.
+    /// Particles that wait at the end of their room after the last step.
     pub waiting: usize,
 }
 
-/// A particle near a body.
-#[derive(Clone, Copy, Debug)]
-struct Touch {
-    place: u32,
-    /// A place of the body's surface at the end of the step, and how far it goes in the step, metres.
-    at_m: DVec3,
-    move_m: DVec3,
-    normal: DVec3,
+/// Places and velocities in the order of the patches.
+struct Motion {
+    places_m: Vec<DVec3>,
+    velocities: Vec<DVec3>,
+    /// Room for parts: places before them, with and without what moved particles without a velocity.
+    before_m: Vec<DVec3>,
+    were_m: Vec<DVec3>,
+}
+
+/// What was found near.
+struct Look {
+    pairs: Vec<NearPair>,
+    touches: Vec<Touch>,
+    room: Room,
+    /// Who goes farther may come near to what was not found.
+    slack_m: f64,
+    /// Steps that it has served.
+    steps: u32,
 }
 
 impl Drape {
@@ -169,7 +212,14 @@ impl Drape {
             let particle = particle as usize;
             if sheet.pins()[particle].is_some() { 0.0 } else { 1.0 / masses_kg[particle] }
         });
+        let mut pins_m: Vec<(usize, DVec3)> = (sheet.pins().iter().zip(0..))
+            .filter_map(|(pin, particle)| pin.map(|to_m| (placed(particle) as usize, to_m)))
+            .collect();
+        pins_m.sort_by_key(|pin| pin.0);
         let heights_m = links::heights_m(sheet);
+        let places_m: Vec<DVec3> =
+            patches.particle_at.iter().map(|&particle| sheet.positions_m()[particle as usize]).collect();
+        let placed_triangles: Vec<[u32; 3]> = sheet.triangles().iter().map(|corners| corners.map(placed)).collect();
         let apart_m = patches.particle_at.iter().map(|&particle| OF_NEIGHBOURS * heights_m[particle as usize]);
         Ok(Drape {
             apart_m: apart_m.collect(),
@@ -178,11 +228,11 @@ impl Drape {
             links,
             creases,
             inverse_kg: inverse_kg.collect(),
-            pins_m: sheet.pins().to_vec(),
+            pins_m,
             threads: sheet.pairs().iter().map(|pair| pair.map(|end| placed(end) as usize)).collect(),
             attached: sheet.attachments().iter().map(|&one| (placed(one.particle) as usize, one)).collect(),
             triangles: sheet.triangles().to_vec(),
-            near_pairs: NearPairs::new(sheet.positions_m(), sheet.triangles()),
+            near_pairs: NearPairs::new(&places_m, &placed_triangles),
             patches,
         })
     }
@@ -191,15 +241,22 @@ impl Drape {
     #[must_use]
     pub fn state(&self, sheet: &Sheet) -> State {
         let positions_m = sheet.positions_m().to_vec();
-        let still = vec![DVec3::ZERO; positions_m.len()];
-        State { velocities_m_per_s: still.clone(), went_m_per_s: still, positions_m, steps: 0 }
+        let count = positions_m.len();
+        State { positions_m, velocities_m_per_s: vec![DVec3::ZERO; count], steps: 0, went_m_per_s: vec![0.0; count] }
     }
 
-    /// Where a pinned particle goes in the next step, as far as its bound allows; of others, nothing changes.
+    /// Where a pinned particle goes in the next step, as far as its room allows; of others, nothing changes.
     pub fn move_pin(&mut self, particle: usize, to_m: DVec3) {
-        if let Some(pin) = &mut self.pins_m[particle] {
-            *pin = to_m;
+        let place = self.patches.place_of[particle] as usize;
+        if let Ok(pin) = self.pins_m.binary_search_by_key(&place, |pin| pin.0) {
+            self.pins_m[pin].1 = to_m;
         }
+    }
+
+    /// How it steps.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// What air takes from velocities from the next step on, 1/s.
@@ -207,123 +264,160 @@ impl Drape {
         self.settings.drag_per_s = per_s;
     }
 
-    /// One step.
+    /// One step, of a body that may be anywhere else in the next.
+    ///
+    /// # Panics
+    /// As [`Drape::advance`].
+    pub fn step(&mut self, obstacle: Option<Obstacle>, state: &mut State) -> Stepped {
+        self.advance(1, &mut AtOnce(obstacle), state)
+    }
+
+    /// So many steps. What goes on from a state saved after them is the same as if they had been more, only if those were taken in as many at
+    /// once: each call looks anew for what is near.
     ///
     /// # Panics
     /// When the state has more or fewer particles than the sheet, or the body's moves another number than its vertices.
-    pub fn step(&mut self, obstacle: Option<Obstacle>, state: &mut State) -> Stepped {
-        let parts = self.settings.parts;
-        let part_s = self.settings.step_s / f64::from(parts);
+    pub fn advance(&mut self, steps: u32, around: &mut dyn Surroundings, state: &mut State) -> Stepped {
+        let count = self.patches.particle_at.len();
+        assert_eq!([state.positions_m.len(), state.velocities_m_per_s.len()], [count; 2], "a place to each particle");
         let in_patches = |of: &[DVec3]| -> Vec<DVec3> {
             self.patches.particle_at.iter().map(|&particle| of[particle as usize]).collect()
         };
-        let mut places_m = in_patches(&state.positions_m);
-        let mut velocities = in_patches(&state.velocities_m_per_s);
-        let pins: Vec<(usize, DVec3)> = self
-            .patches
-            .particle_at
-            .iter()
-            .enumerate()
-            .filter_map(|(place, &particle)| self.pins_m[particle as usize].map(|to_m| (place, to_m)))
-            .collect();
-        let mut before_m = places_m.clone();
-        let mut were_m = places_m.clone();
-        let mut looked = None;
+        let from_m = in_patches(&state.positions_m);
+        let mut motion = Motion {
+            velocities: in_patches(&state.velocities_m_per_s),
+            before_m: from_m.clone(),
+            were_m: from_m.clone(),
+            places_m: from_m.clone(),
+        };
+        let mut farthest_m2 = vec![0.0_f64; count];
+        let mut look = None;
         let mut stepped = Stepped::default();
-        for part in 0..parts {
-            let left = parts - part;
-            let Look { found, touches, from_m } = match looked.take() {
-                Some(look) => look,
-                None => {
-                    stepped.looks += 1;
-                    self.look(obstacle, &places_m, &velocities, left)
-                }
-            };
-            let drag = 1.0 / (1.0 + self.settings.drag_per_s * part_s);
-            let fall = DVec3::Y * (self.settings.gravity_m_per_s2 * part_s);
-            were_m.copy_from_slice(&places_m);
-            before_m.copy_from_slice(&places_m);
-            for place in 0..places_m.len() {
-                if self.inverse_kg[place] > 0.0 {
-                    velocities[place] = (velocities[place] + fall) * drag;
-                    places_m[place] += velocities[place] * part_s;
-                }
+        for _ in 0..steps {
+            if around.go(self, state.steps) {
+                look = None;
             }
-            for &(place, to_m) in &pins {
-                let way = to_m - places_m[place];
-                places_m[place] += way / f64::from(left);
-            }
-            self.hold(&mut places_m, part_s);
-            self.sew(&mut places_m, &before_m, part_s);
-            for pair in &found.pairs {
-                self.keep_apart(pair, &mut places_m, &mut before_m, part_s);
-            }
-            for touch in &touches {
-                let share = f64::from(left - 1) / f64::from(parts);
-                let (share_now, were_m) = (1.0 / f64::from(parts), were_m[touch.place as usize]);
-                self.keep_off(touch, [share, share_now], were_m, &mut places_m, &mut before_m, part_s);
-            }
-            let mut bound = 0;
-            for (place, at_m) in places_m.iter_mut().enumerate() {
-                let way = *at_m - from_m[place];
-                let bound_m = found.bounds_m[place];
-                if way.length_squared() > bound_m * bound_m {
-                    bound += 1;
-                    *at_m = from_m[place] + way * (bound_m / way.length());
-                }
-                velocities[place] = (*at_m - before_m[place]) / part_s;
-            }
-            stepped.waiting = bound;
-            stepped.pairs = found.pairs.len();
-            stepped.on_body = touches.len();
-            if bound * BOUND <= places_m.len() {
-                looked = Some(Look { found, touches, from_m });
+            look = self.one_step(around.obstacle(), look, &mut motion, &mut stepped);
+            state.steps += 1;
+            for (farthest_m2, (from_m, at_m)) in farthest_m2.iter_mut().zip(from_m.iter().zip(&motion.places_m)) {
+                *farthest_m2 = farthest_m2.max(from_m.distance_squared(*at_m));
             }
         }
+        let seconds = self.settings.step_s * f64::from(steps.max(1));
         let (mut energy, mut mass) = (0.0, 0.0);
         for (place, &particle) in self.patches.particle_at.iter().enumerate() {
-            let went = (places_m[place] - state.positions_m[particle as usize]) / self.settings.step_s;
-            state.positions_m[particle as usize] = places_m[place];
-            state.velocities_m_per_s[particle as usize] = velocities[place];
-            state.went_m_per_s[particle as usize] = went;
+            let particle = particle as usize;
+            state.positions_m[particle] = motion.places_m[place];
+            state.velocities_m_per_s[particle] = motion.velocities[place];
+            state.went_m_per_s[particle] = farthest_m2[place].sqrt() / seconds;
             if self.inverse_kg[place] > 0.0 {
-                let squared = went.length_squared();
-                stepped.fastest_m_per_s = stepped.fastest_m_per_s.max(squared.sqrt());
-                energy += squared / self.inverse_kg[place];
+                let speed = state.went_m_per_s[particle];
+                stepped.fastest_m_per_s = stepped.fastest_m_per_s.max(speed);
+                energy += speed * speed / self.inverse_kg[place];
                 mass += 1.0 / self.inverse_kg[place];
             }
         }
         stepped.speed_m_per_s = (energy / f64::max(mass, f64::MIN_POSITIVE)).sqrt();
-        state.steps += 1;
         stepped
     }
 
-    /// Looks for what is near.
-    fn look(&mut self, obstacle: Option<Obstacle>, places_m: &[DVec3], velocities: &[DVec3], left: u32) -> Look {
-        let Settings { step_s, parts, clearance_m, deepest_m, .. } = self.settings;
-        let ahead_s = step_s * f64::from(left) / f64::from(parts);
-        let mut fastest = 0.0_f64;
-        let mut in_sheet_m = vec![DVec3::ZERO; places_m.len()];
-        for (place, &particle) in self.patches.particle_at.iter().enumerate() {
-            in_sheet_m[particle as usize] = places_m[place];
-            fastest = fastest.max(velocities[place].length_squared());
+    /// One step with what was found before it, if that still serves; what serves the next one.
+    fn one_step(
+        &mut self,
+        obstacle: Option<Obstacle>,
+        mut look: Option<Look>,
+        motion: &mut Motion,
+        stepped: &mut Stepped,
+    ) -> Option<Look> {
+        let parts = self.settings.parts;
+        for part in 0..parts {
+            let left = parts - part;
+            let near = look.take().unwrap_or_else(|| {
+                stepped.looks += 1;
+                self.look(obstacle, motion, left)
+            });
+            stepped.waiting = self.part(&near, motion, left);
+            stepped.pairs = near.pairs.len();
+            stepped.on_body = near.touches.len();
+            if stepped.waiting * BOUND <= motion.places_m.len() {
+                look = Some(near);
+            }
         }
+        let mut look = look?;
+        look.steps += 1;
+        let slack_m2 = look.slack_m * look.slack_m;
+        let strayed = (motion.places_m.iter().enumerate())
+            .filter(|(place, at_m)| look.room.from_m(*place).distance_squared(**at_m) > slack_m2)
+            .count();
+        (look.steps < LASTS && strayed * BOUND <= motion.places_m.len()).then_some(look)
+    }
+
+    /// A part of a step, of which so many are left with this one; how many particles wait at the end of their room.
+    fn part(&self, look: &Look, motion: &mut Motion, left: u32) -> usize {
+        let parts = f64::from(self.settings.parts);
+        let part_s = self.settings.step_s / parts;
+        let drag = 1.0 / (1.0 + self.settings.drag_per_s * part_s);
+        let fall = DVec3::Y * (self.settings.gravity_m_per_s2 * part_s);
+        let Motion { places_m, velocities, before_m, were_m } = motion;
+        were_m.copy_from_slice(places_m);
+        before_m.copy_from_slice(places_m);
+        for (place, at_m) in places_m.iter_mut().enumerate() {
+            if self.inverse_kg[place] > 0.0 {
+                velocities[place] = (velocities[place] + fall) * drag;
+                *at_m += velocities[place] * part_s;
+            }
+        }
+        for &(place, to_m) in &self.pins_m {
+            let way = to_m - places_m[place];
+            places_m[place] += way / f64::from(left);
+        }
+        self.hold(places_m, part_s);
+        self.sew(places_m, before_m, part_s);
+        let mut now = Part {
+            places_m,
+            before_m,
+            were_m,
+            inverse_kg: &self.inverse_kg,
+            part_s,
+            way_left: f64::from(left - 1) / parts,
+            way_now: 1.0 / parts,
+        };
+        for pair in &look.pairs {
+            now.keep_apart(pair, self.woven.thickness_m, &self.apart_m, self.woven.friction);
+        }
+        for touch in &look.touches {
+            now.keep_off(touch, self.settings.clearance_m, self.woven.body_friction);
+        }
+        let mut waiting = 0;
+        for (place, at_m) in places_m.iter_mut().enumerate() {
+            if let Some(instead_m) = look.room.instead_m(place, *at_m) {
+                waiting += 1;
+                *at_m = instead_m;
+            }
+            velocities[place] = (*at_m - before_m[place]) / part_s;
+        }
+        waiting
+    }
+
+    /// Looks for what is near, when so many parts of the step are left.
+    fn look(&mut self, obstacle: Option<Obstacle>, motion: &Motion, left: u32) -> Look {
+        let Settings { step_s, parts, clearance_m, deepest_m, .. } = self.settings;
+        let places_m = &motion.places_m;
+        let ahead_s = step_s * f64::from(left) / f64::from(parts);
+        let fastest = motion.velocities.iter().map(|velocity| velocity.length_squared()).fold(0.0, f64::max);
         let goes_m = fastest.sqrt() * ahead_s;
         let thickness_m = self.woven.thickness_m;
         let reach_m = (REACH * thickness_m + 2.5 * goes_m).min(FARTHEST_M.max(REACH * thickness_m));
-        // What is farther apart comes no nearer than the thickness before the next look, or waits at its bound.
         let push_m = (PUSH * thickness_m + 2.0 * goes_m).min(reach_m);
-        let free = || Found { pairs: Vec::new(), bounds_m: vec![f64::INFINITY; places_m.len()] };
-        let found =
-            if self.settings.meets_itself { self.near_pairs.find(&in_sheet_m, reach_m, push_m) } else { free() };
-        let Found { mut pairs, bounds_m } = found;
-        for pair in &mut pairs {
-            pair.corners = pair.corners.map(|particle| self.patches.place_of[particle as usize]);
-        }
-        let bounds_m = self.patches.particle_at.iter().map(|&particle| bounds_m[particle as usize]).collect();
+        let found = if self.settings.meets_itself {
+            self.near_pairs.find(places_m, reach_m, push_m)
+        } else {
+            Found { farthest_m: f64::INFINITY, ..Found::default() }
+        };
         let mut touches = Vec::new();
         if let Some(Obstacle { body, moves_m }) = obstacle {
             let within_m = clearance_m + reach_m;
+            let moves_m = moves_m.map(|moves_m| body.also_middles(moves_m));
             touches = parallel::collect(places_m.len(), |place, touches: &mut Vec<Touch>| {
                 let at_m = places_m[place];
                 let deep = || body.contains(at_m).then(|| body.signed_distance(at_m, deepest_m)).flatten();
@@ -331,17 +425,21 @@ impl Drape {
                     && let Some(near) = body.signed_distance(at_m, within_m).or_else(deep)
                 {
                     let Near { normal, place_m: at_m, triangle, shares, .. } = near;
-                    let move_m = moves_m.map_or(DVec3::ZERO, |moves_m| {
+                    let move_m = moves_m.as_ref().map_or(DVec3::ZERO, |moves_m| {
                         let corners = body.surface().triangles()[triangle as usize];
-                        (0..3)
-                            .map(|i| moves_m.get(corners[i] as usize).copied().unwrap_or(DVec3::ZERO) * shares[i])
-                            .sum()
+                        (0..3).map(|i| moves_m[corners[i] as usize] * shares[i]).sum()
                     });
                     touches.push(Touch { place: place as u32, at_m, move_m, normal });
                 }
             });
         }
-        Look { found: Found { pairs, bounds_m }, touches, from_m: places_m.to_vec() }
+        Look {
+            pairs: found.pairs,
+            touches,
+            room: Room::new(places_m, found.farthest_m, &found.sides),
+            slack_m: 0.5 * (push_m - thickness_m),
+            steps: 0,
+        }
     }
 
     /// One pass over edges and creases, patches side by side, then what crosses them. Always in the same order: passes that go to and fro have
@@ -379,83 +477,11 @@ impl Drape {
         }
     }
 
-    /// Cloth against cloth: what is nearer than the thickness goes apart, and rubs.
-    fn keep_apart(&self, pair: &NearPair, places_m: &mut [DVec3], before_m: &mut [DVec3], part_s: f64) {
-        let corners = pair.corners.map(|corner| corner as usize);
-        let across = |of: &[DVec3]| -> DVec3 { (0..4).map(|i| of[corners[i]] * pair.weights[i]).sum() };
-        let now = across(places_m);
-        let thickness_m = if pair.are_neighbours {
-            corners.iter().map(|&corner| self.apart_m[corner]).fold(OF_NEIGHBOURS * self.woven.thickness_m, f64::min)
-        } else {
-            self.woven.thickness_m
-        };
-        let missing_m = thickness_m - now.dot(pair.normal);
-        if missing_m <= 0.0 {
-            return;
-        }
-        let then = across(before_m);
-        // What was too near before is moved apart slowly and without a velocity.
-        let old_m = (thickness_m - then.dot(pair.normal)).clamp(0.0, missing_m);
-        let apart_m = (APART * old_m).min(APART_M_PER_S * part_s);
-        let push_m = missing_m - old_m + apart_m;
-        let share: f64 = (0..4).map(|i| self.inverse_kg[corners[i]] * pair.weights[i] * pair.weights[i]).sum();
-        if share <= 0.0 {
-            return;
-        }
-        let slide = now - then;
-        let slide = slide - pair.normal * slide.dot(pair.normal);
-        let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (self.woven.friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
-        for i in 0..4 {
-            let weight = self.inverse_kg[corners[i]] * pair.weights[i] / share;
-            places_m[corners[i]] += (pair.normal * push_m - slide * stop) * weight;
-            before_m[corners[i]] += pair.normal * (apart_m * weight);
-        }
-    }
-
-    /// Cloth against the body, which has `share_left` of its way in this step before it and goes by `share_now` in this part, at whose begin the
-    /// particle was at `was_m`.
-    fn keep_off(
-        &self,
-        touch: &Touch,
-        [share_left, share_now]: [f64; 2],
-        was_m: DVec3,
-        places_m: &mut [DVec3],
-        before_m: &mut [DVec3],
-        part_s: f64,
-    ) {
-        let place = touch.place as usize;
-        let surface_m = touch.at_m - touch.move_m * share_left;
-        let missing_m = self.settings.clearance_m - (places_m[place] - surface_m).dot(touch.normal);
-        if missing_m <= 0.0 {
-            return;
-        }
-        let then_m = surface_m - touch.move_m * share_now;
-        // Other layers moved it without a velocity; not into the body.
-        before_m[place] += touch.normal * (was_m - before_m[place]).dot(touch.normal).max(0.0);
-        let old_m = (self.settings.clearance_m - (was_m - then_m).dot(touch.normal)).clamp(0.0, missing_m);
-        let apart_m = (APART * old_m).min(APART_M_PER_S * part_s);
-        let push_m = missing_m - old_m + apart_m;
-        let slide = places_m[place] - before_m[place] - touch.move_m * share_now;
-        let slide = slide - touch.normal * slide.dot(touch.normal);
-        let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (self.woven.body_friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
-        places_m[place] += touch.normal * push_m - slide * stop;
-        before_m[place] += touch.normal * apart_m;
-    }
-
     /// Whether the cloth rests.
     #[must_use]
     pub fn certify(&self, body: Option<&Body>, bounds: Bounds, state: &State) -> Certificate {
         certify(&state.positions_m, &state.went_m_per_s, &self.triangles, body, bounds)
     }
-}
-
-/// What a look found, and from where bounds count.
-struct Look {
-    found: Found,
-    touches: Vec<Touch>,
-    from_m: Vec<DVec3>,
 }
 
 /// Mean and largest strain of edges along warp and weft (|length / rest - 1|); bias edges shear and are left out.

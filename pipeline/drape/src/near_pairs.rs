@@ -1,16 +1,18 @@
-//! Where cloth comes near itself, and how far each particle may go before anything can meet: vertices with triangles and edges with edges,
-//! by their exact distances. If no particle goes farther than its bound, cloth that was clear of itself stays so, however the solver moves
-//! it (the bound of Chen et al., Offset Geometric Contact, 2025). Knows no forces.
+//! Where cloth comes near itself: vertices with triangles and edges with edges, by their exact distances; and planes between them. As long as
+//! all particles keep to their sides, cloth that was clear of itself stays so, however the solver moves it. Knows no forces.
 
 use crate::parallel;
+use crate::room::Side;
 use crate::triangle_tree::{Extent, TriangleTree, nearest_on_triangle};
 use glam::DVec3;
 
 /// Two things that each go less than half of their distance do not meet; the rest is for rounding.
 const OF_DISTANCE: f64 = 0.45;
-/// Nearer than this a bound shrinks with the square of the distance, metres: what is pressed together comes ever nearer, but never meets, not
-/// even after rounding.
+/// Nearer than this the share shrinks with the distance, metres: what is pressed together comes ever nearer, but never meets, not even after
+/// rounding.
 const CLOSE_M: f64 = 5e-4;
+/// Nearer than this two things have no plane between them, metres: they stay where they are.
+const TOUCHING_M: f64 = 1e-12;
 /// Pairs of triangles that a thread takes at once.
 const AT_ONCE: usize = 2048;
 
@@ -48,8 +50,10 @@ pub struct NearPairs {
 pub struct Found {
     /// Pairs nearer than was asked for pushing.
     pub pairs: Vec<NearPair>,
-    /// How far each particle may go, metres.
-    pub bounds_m: Vec<f64>,
+    /// Planes between all that is nearer than what was looked for, where they leave a particle less than [`Found::farthest_m`].
+    pub sides: Vec<Side>,
+    /// How far particles may go whichever way, metres, for what is beyond the reach.
+    pub farthest_m: f64,
 }
 
 impl NearPairs {
@@ -85,28 +89,23 @@ impl NearPairs {
         self.tree.refit(positions_m);
         let near = self.tree.self_pairs(reach_m);
         let this = &*self;
-        let parts = parallel::collect_each(near.len().div_ceil(AT_ONCE), |part, found: &mut Vec<Part>| {
-            let mut pairs = Vec::new();
-            let mut least = Vec::with_capacity(AT_ONCE);
+        let farthest_m = OF_DISTANCE * reach_m;
+        let parts = parallel::collect_each(near.len().div_ceil(AT_ONCE), |part, found: &mut Vec<Found>| {
+            let (mut pairs, mut sides) = (Vec::new(), Vec::new());
             for &[first, second] in &near[part * AT_ONCE..near.len().min((part + 1) * AT_ONCE)] {
                 this.near(positions_m, [first, second], reach_m, &mut |pair, is_first| {
-                    least.push((pair.corners, pair.distance_m));
+                    add_sides(positions_m, &pair, farthest_m, &mut sides);
                     if is_first && pair.distance_m > 0.0 && pair.distance_m < push_m {
                         pairs.push(NearPair { are_neighbours: this.are_neighbours(&pair), ..pair });
                     }
                 });
             }
-            found.push(Part { pairs, least });
+            found.push(Found { pairs, sides, farthest_m });
         });
-        let mut found = Found { pairs: Vec::new(), bounds_m: vec![OF_DISTANCE * reach_m; positions_m.len()] };
+        let mut found = Found { pairs: Vec::new(), sides: Vec::new(), farthest_m };
         for part in parts {
             found.pairs.extend(part.pairs);
-            for (corners, distance_m) in part.least {
-                for corner in corners {
-                    let bound_m = &mut found.bounds_m[corner as usize];
-                    *bound_m = bound_m.min(OF_DISTANCE * distance_m * (distance_m / CLOSE_M).min(1.0));
-                }
-            }
+            found.sides.extend(part.sides);
         }
         found
     }
@@ -205,9 +204,28 @@ impl NearPairs {
     }
 }
 
-struct Part {
-    pairs: Vec<NearPair>,
-    least: Vec<([u32; 4], f64)>,
+/// All of the first one lies on the normal's side of its nearest place, all of the second on the other side of its own: each may go as far as to
+/// these, and a share of the distance between them.
+fn add_sides(positions_m: &[DVec3], pair: &NearPair, farthest_m: f64, sides: &mut Vec<Side>) {
+    let touch = pair.distance_m < TOUCHING_M;
+    let share_m = OF_DISTANCE * pair.distance_m * (pair.distance_m / CLOSE_M).min(1.0);
+    for (mine, normal) in [(0..pair.of_first, pair.normal), (pair.of_first..4, -pair.normal)] {
+        let nearest_m: DVec3 =
+            mine.clone().map(|i| positions_m[pair.corners[i] as usize] * pair.weights[i].abs()).sum();
+        for i in mine {
+            let particle = pair.corners[i];
+            if touch {
+                [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z]
+                    .into_iter()
+                    .for_each(|normal| sides.push(Side { particle, normal, slack_m: 0.0 }));
+                continue;
+            }
+            let slack_m = (positions_m[particle as usize] - nearest_m).dot(normal).max(0.0) + share_m;
+            if slack_m < farthest_m {
+                sides.push(Side { particle, normal, slack_m });
+            }
+        }
+    }
 }
 
 /// Shares along two edges of their nearest places (Ericson, Real-Time Collision Detection, 5.1.9).

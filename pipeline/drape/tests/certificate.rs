@@ -455,7 +455,7 @@ fn a_certificate_says_what_fails_and_where() {
     let (body_m, body_triangles) = cube();
     let body = Body::new(&body_m, &body_triangles).unwrap();
     let above = moved(&square(), |place| DVec3::new(0.5, 1.25, 0.5) + DVec3::new(place.x, 0.0, -place.y));
-    let still = [DVec3::ZERO; 4];
+    let still = [0.0; 4];
     let good = certify(&above.0, &still, &above.1, Some(&body), Bounds::default());
     assert!(good.is_certified(), "{good}");
     assert_eq!(
@@ -463,10 +463,10 @@ fn a_certificate_says_what_fails_and_where() {
         "at rest, outside the body and clear of itself; the fastest particle moves at 0.000 mm/s"
     );
     // One corner drawn into the cube, and moving.
-    let (mut positions_m, mut velocities) = (above.0.clone(), still);
+    let (mut positions_m, mut speeds) = (above.0.clone(), still);
     positions_m[2] = DVec3::new(0.5, 0.875, 0.5);
-    velocities[1] = DVec3::Z * 0.25;
-    let bad = certify(&positions_m, &velocities, &above.1, Some(&body), Bounds::default());
+    speeds[1] = 0.25;
+    let bad = certify(&positions_m, &speeds, &above.1, Some(&body), Bounds::default());
     assert!(!bad.is_certified());
     assert!((bad.inside.len(), bad.inside[0].particle, bad.inside[0].depth_m) == (1, 2, 0.125), "{:?}", bad.inside);
     let text = bad.to_string();
@@ -479,10 +479,9 @@ fn a_certificate_says_what_fails_and_where() {
     }
     assert!(certify(&positions_m, &still, &above.1, None, Bounds::default()).is_certified());
     // Each fault alone.
-    let faults = |positions_m: &[DVec3], velocities: &[DVec3]| {
-        certify(positions_m, velocities, &above.1, Some(&body), Bounds::default())
-    };
-    assert!(!faults(&above.0, &velocities).is_certified());
+    let faults =
+        |positions_m: &[DVec3], speeds: &[f64]| certify(positions_m, speeds, &above.1, Some(&body), Bounds::default());
+    assert!(!faults(&above.0, &speeds).is_certified());
     let small_m: Vec<DVec3> =
         above.0.iter().map(|&place| DVec3::splat(0.5) + 0.1 * (place - DVec3::splat(0.5))).collect();
     let deep = faults(&small_m, &still);
@@ -512,9 +511,10 @@ fn the_same_bytes_on_one_thread_and_on_two() {
             triangles.extend([[a, b, d], [a, d, c]]);
         }
     }
+    let speeds: Vec<f64> = positions_m.iter().map(|place| place.length()).collect();
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| certify(&positions_m, &positions_m, &triangles, Some(&body), Bounds::default()))
+        pool.install(|| certify(&positions_m, &speeds, &triangles, Some(&body), Bounds::default()))
     };
     let (one, two) = (on(1), on(2));
     assert_eq!(one, two);
@@ -589,7 +589,7 @@ fn the_reference_drape_is_looked_at() {
     eprintln!("the reference drape meets itself {} times", own.len());
     let Some(body) = shared("body/b04.obj") else { return };
     let body = Body::new(&body.0, &body.1).unwrap();
-    let still = vec![DVec3::ZERO; positions_m.len()];
+    let still = vec![0.0; positions_m.len()];
     let certificate = certify(&positions_m, &still, &triangles, Some(&body), Bounds::default());
     eprintln!("{certificate}");
     assert!(certificate.inside.is_empty() && certificate.body_crossings.is_empty());

@@ -8,6 +8,7 @@ use kitsuke_drape::drape::{Drape, Obstacle, Settings, State, strain};
 use kitsuke_drape::intersections::self_intersections;
 use kitsuke_drape::near_pairs::NearPairs;
 use kitsuke_drape::repair;
+use kitsuke_drape::room::{Room, Side};
 use kitsuke_drape::sheet::{Attachment, Grid, PatternMesh, Sheet};
 use kitsuke_drape::woven::{PRESETS, Woven};
 
@@ -226,9 +227,37 @@ fn all_that_is_near_is_found() {
             assert!(nearest >= reach_m || claimed <= nearest + 1e-12, "{first:?} {second:?}: {nearest} {claimed}");
         }
     }
-    // Pairs name each place once; bounds know all pairs.
-    for (v, bound_m) in found.bounds_m.iter().enumerate() {
-        assert!(*bound_m <= 0.45 * least[v].min(reach_m) * (least[v] / 5e-4).min(1.0) + 1e-12);
+    // Of two that are near, one at least stands so near its plane.
+    for pair in &found.pairs {
+        let slack_m = |side: &Side| pair.corners.contains(&side.particle).then_some(side.slack_m);
+        let nearest_m = found.sides.iter().filter_map(slack_m).fold(f64::INFINITY, f64::min);
+        assert!(nearest_m <= 0.45 * pair.distance_m * (pair.distance_m / 5e-4).min(1.0) + 1e-12);
+    }
+}
+
+/// Whatever places are asked for: those in the room are clear.
+#[test]
+fn cloth_in_its_room_stays_clear() {
+    let rows = 12;
+    let sheet = flat(rows, 0.01, 0.0);
+    let both: Vec<[u32; 3]> =
+        (0..2).flat_map(|i| sheet.triangles().iter().map(move |t| t.map(|v| v + 144 * i))).collect();
+    let mut number = numbers(5);
+    let mut at_m: Vec<DVec3> = sheet.positions_m().to_vec();
+    at_m.extend(sheet.positions_m().iter().map(|p| *p + DVec3::new(0.003, 0.0012, 0.004)));
+    for place_m in &mut at_m {
+        place_m.y += 0.004 * libm::sin(60.0 * place_m.x) + 0.0002 * number();
+    }
+    let mut near_pairs = NearPairs::new(&at_m, &both);
+    for round in 0..20 {
+        assert!(self_intersections(&at_m, &both).is_empty(), "{round}");
+        let found = near_pairs.find(&at_m, 0.004, 0.002);
+        let room = Room::new(&at_m, found.farthest_m, &found.sides);
+        let asked_m: Vec<DVec3> = at_m.iter().map(|p| *p + DVec3::new(number(), number(), number()) * 0.003).collect();
+        assert!(!self_intersections(&asked_m, &both).is_empty());
+        for (v, asked_m) in asked_m.into_iter().enumerate() {
+            at_m[v] = room.instead_m(v, asked_m).unwrap_or(asked_m);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! A kimono of the catalog on its wearer: its base, displaced, is draped anew; the cloth under the obi is held.
 
-use super::{Moves, Scene};
+use super::Scene;
+use super::around::{Around, Moves};
 use crate::places::{Places, say};
 use glam::{DVec2, DVec3, Quat, Vec3};
 use kitsuke::skeleton::Pose;
@@ -79,7 +80,7 @@ pub fn scene(places: &Places, id: &str, start: u32, displaced_m: f64, pose: Opti
         target_m = Some(double(&target.positions_m));
         moves = Some(moving(&garment, target));
     }
-    Ok(Scene { body: Some(body), start_m: Some(start_m), target_m, moves, ..Scene::of(sheet) })
+    Ok(Scene { around: Around { moves, ..Around::of(body) }, start_m: Some(start_m), target_m, ..Scene::of(sheet) })
 }
 
 /// The wearer on her way from the T-pose to a target's pose, at 60 degrees a second.

@@ -1,5 +1,6 @@
 //! Scenes of textile laboratories, with what they measure: the cantilever and the drape meter. Knows no pictures.
 
+use super::around::Around;
 use super::curves::{elastica, peirce_m};
 use super::{Figures, Scene};
 use glam::{DVec2, DVec3};
@@ -92,7 +93,7 @@ pub fn drape_coefficient() -> Result<Scene, SheetError> {
     // The cloth goes round the edge in its clearance.
     let (body_m, body_triangles) = analytic_form::cylinder([-0.01, 0.0], SUPPORT_M - clearance_m, 96);
     let body = Body::new(&body_m, &body_triangles).expect("a cylinder is a body");
-    Ok(Scene { body: Some(body), figures: Some(of_drape_meter), parts: 20, ..Scene::of(sheet) })
+    Ok(Scene { around: Around::of(body), figures: Some(of_drape_meter), parts: 20, ..Scene::of(sheet) })
 }
 
 /// Particles around a ring, at about the distance of the rings; the 0th is the middle.

@@ -1,5 +1,6 @@
 //! `cargo xtask drape-scene NAME`: cloth that falls and comes to rest, with figures and pictures.
 
+mod around;
 mod curves;
 mod energy;
 pub mod kimono;
@@ -8,10 +9,11 @@ mod picture;
 mod plain;
 
 use crate::places::{Places, ended, say, write_whole};
+use around::Around;
 use glam::DVec3;
-use kitsuke_drape::body::Body;
-use kitsuke_drape::certificate::{Bounds, Certificate};
-use kitsuke_drape::drape::{Drape, Obstacle, Settings, State, Stepped, strain};
+use kitsuke_drape::certificate::Certificate;
+use kitsuke_drape::drape::{Drape, Settings, State, Stepped, strain};
+use kitsuke_drape::rest::{Course, go_on, is_still, simulated_s, to_rest};
 use kitsuke_drape::sheet::Sheet;
 use kitsuke_drape::woven::{PRESETS, Woven};
 use std::path::{Path, PathBuf};
@@ -20,12 +22,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// Steps between two looks at whether the cloth rests.
-const STEPS_AT_ONCE: u64 = 60;
-/// One particle in so many may wait at its bound when cloth rests: crumpled cloth is held by it, not by what presses it.
-const WAITING: usize = 1000;
-/// How long cloth falls freely, seconds; then drag grows for as long.
-const FREE_S: f64 = 1.0;
+/// Tenths of a second between two pictures.
+const FILMED: u64 = 10;
+/// What a saved state begins with; a line that says of which scene it is follows.
+const STATE_OF: &str = "kitsuke drape-scene ";
 
 /// Let cloth fall and come to certified rest, and show it
 ///
@@ -72,18 +72,14 @@ pub struct Args {
 /// What is simulated.
 pub struct Scene {
     pub sheet: Sheet,
-    pub body: Option<Body>,
+    pub around: Around,
     /// Where the cloth starts, if not where its sheet is.
     pub start_m: Option<Vec<DVec3>>,
     /// Where others draped the same cloth, metres.
     pub target_m: Option<Vec<DVec3>>,
-    /// How a body moves.
-    pub moves: Option<Moves>,
-    /// How far a pinned particle has come after so many seconds; pins that stand still need none.
-    pub pins: Option<fn(usize, DVec3, f64) -> DVec3>,
     /// Parts of a step that it needs: the finer the cloth, the more, or it stretches and hangs lower than it is stiff.
     pub parts: u32,
-    /// Drag with which it comes to rest. What swings comes to rest the soonest with about twice its frequency (rad/s), what is pressed with more.
+    /// Drag with which it comes to rest, see [`Course`].
     pub most_drag_per_s: f64,
     /// What is measured where the cloth lies.
     pub figures: Option<Measure>,
@@ -100,24 +96,30 @@ impl Scene {
     pub fn of(sheet: Sheet) -> Scene {
         Scene {
             sheet,
-            body: None,
+            around: Around::default(),
             start_m: None,
             target_m: None,
-            moves: None,
-            pins: None,
             parts: 4,
             most_drag_per_s: 20.0,
             figures: None,
         }
     }
-}
 
-/// A body that goes from one shape to another.
-pub struct Moves {
-    /// Its vertices at a share of the way, 0 to 1, metres.
-    pub at_m: Box<dyn Fn(f64) -> Vec<DVec3>>,
-    /// How long it takes, seconds.
-    pub seconds: f64,
+    /// Ready to be simulated, with the cloth where it starts, and how it comes to rest.
+    fn begun(&mut self, woven: &Woven, settings: &Settings) -> Result<(Drape, State, Course), String> {
+        self.around.step_s = settings.step_s;
+        let drape = Drape::new(&self.sheet, woven, settings).map_err(|error| error.to_string())?;
+        let mut state = drape.state(&self.sheet);
+        if let Some(start_m) = &self.start_m {
+            state.positions_m.clone_from(start_m);
+        }
+        let course = Course {
+            moving_s: self.around.moves.as_ref().map_or(0.0, |moves| moves.seconds),
+            drag_per_s: [settings.drag_per_s, self.most_drag_per_s],
+            ..Course::default()
+        };
+        Ok((drape, state, course))
+    }
 }
 
 /// Simulates; 1 when something cannot be read or written, or the cloth does not come to certified rest.
@@ -132,17 +134,14 @@ fn draped(args: &Args) -> Result<(), String> {
         name => plain::scene(name, &woven)?,
     };
     let settings = Settings { parts: args.parts.unwrap_or(scene.parts), ..Settings::default() };
-    let mut drape = Drape::new(&scene.sheet, &woven, &settings).map_err(|error| error.to_string())?;
-    let mut state = drape.state(&scene.sheet);
-    if let Some(start_m) = &scene.start_m {
-        state.positions_m.clone_from(start_m);
-    }
+    let (mut drape, mut state, course) = scene.begun(&woven, &settings)?;
     let kept = args.out.join(format!("{}.state", args.scene));
+    let of = of_state(args, &settings);
     if let Ok(bytes) = std::fs::read(&kept) {
-        state = saved_state(&bytes, state.positions_m.len()).map_err(|problem| {
-            format!("{} {problem}: it is of another scene or damaged; delete it to begin anew", kept.display())
+        state = saved_state(&bytes, &of, state.positions_m.len()).map_err(|problem| {
+            format!("{} {problem}; delete it to begin anew, or say another --out", kept.display())
         })?;
-        say!("goes on from {} after {:.2} s", kept.display(), simulated_s(&state, &settings));
+        say!("goes on from {} after {:.2} s", kept.display(), simulated_s(&drape, &state));
     }
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
@@ -155,13 +154,14 @@ fn draped(args: &Args) -> Result<(), String> {
     let most_steps = (args.seconds / settings.step_s) as u64;
     let mut certificate = None;
     let mut last = Stepped::default();
+    let mut tenths = 0;
     while state.steps < most_steps && certificate.is_none() {
-        last = advance(&mut scene, &mut drape, &settings, &mut state)?;
+        last = go_on(&mut drape, &mut scene.around, &course, &mut state);
         let (mean, _) = strain(&scene.sheet, &state.positions_m);
         let energy_j = energy::energy(&stores, &state.positions_m).sum_j();
         say!(
             "{:5.2} s of cloth in {:6.1} s: moves at {:8.3} mm/s, at most {:8.2}; strain {:.3} %; {:.5} J; {} near pairs, {} on the body, {} wait, {} looks",
-            simulated_s(&state, &settings),
+            simulated_s(&drape, &state),
             started.elapsed().as_secs_f64(),
             1e3 * last.speed_m_per_s,
             1e3 * last.fastest_m_per_s,
@@ -173,21 +173,22 @@ fn draped(args: &Args) -> Result<(), String> {
             last.looks
         );
         if stop.load(Ordering::Relaxed) {
-            write_whole(&kept, |out| out.write_all(&state_bytes(&state)))?;
+            write_whole(&kept, |out| out.write_all(&state_bytes(&of, &state)))?;
             return Err(format!("interrupted; the same command goes on from {}", kept.display()));
         }
-        if state.steps.is_multiple_of(10 * STEPS_AT_ONCE) {
+        tenths += 1;
+        if tenths % FILMED == 0 {
             film.push(picture::Frame::of(&scene, &state, &settings));
         }
-        if is_at_rest(&scene, &last, &state, &settings) {
-            certificate = Some(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
-        } else if simulated_s(&state, &settings) > FREE_S {
+        if is_still(&drape, &course, &state, &last) {
+            certificate = Some(drape.certify(scene.around.body.as_ref(), course.bounds, &state));
+        } else if simulated_s(&drape, &state) > course.moving_s + course.free_s {
             lowest_j = lowest_j.min(energy_j);
         }
     }
     let seconds = started.elapsed().as_secs_f64();
     let (rests, waiting) = (certificate.is_some(), last.waiting);
-    let certificate = certificate.unwrap_or_else(|| drape.certify(scene.body.as_ref(), Bounds::default(), &state));
+    let certificate = certificate.unwrap_or_else(|| drape.certify(scene.around.body.as_ref(), course.bounds, &state));
     film.push(picture::Frame::of(&scene, &state, &settings));
     picture::write(&args.out.join(format!("{}.png", args.scene)), &scene, &film, &certificate)?;
     write_obj(&args.out.join(format!("{}.obj", args.scene)), &scene, &state)?;
@@ -197,7 +198,7 @@ fn draped(args: &Args) -> Result<(), String> {
     let (mean, most) = strain(&scene.sheet, &state.positions_m);
     say!(
         "{:.2} s of cloth in {seconds:.1} s on {} threads; strain {:.3} % mean, {:.1} % at most",
-        simulated_s(&state, &settings),
+        simulated_s(&drape, &state),
         rayon::current_num_threads(),
         1e2 * mean,
         1e2 * most
@@ -213,16 +214,17 @@ fn draped(args: &Args) -> Result<(), String> {
         measured.push(("above_lowest_before_mj", 1e3 * (energy.sum_j() - lowest_j)));
     }
     measured.extend(scene.figures.map_or(Vec::new(), |figures| figures(&scene, &woven, &state.positions_m)));
-    measured.iter().for_each(|(name, value)| say!("{name}: {value:.3}"));
     if let Some(target_m) = &scene.target_m {
         let mut away_mm: Vec<f64> =
             target_m.iter().zip(&state.positions_m).map(|(a, b)| 1e3 * a.distance(*b)).collect();
         away_mm.sort_by(f64::total_cmp);
         let mean_mm = away_mm.iter().sum::<f64>() / away_mm.len() as f64;
-        say!("from the target {mean_mm:.1} mm on average, 95 % within {:.1} mm", away_mm[away_mm.len() * 95 / 100]);
+        measured.push(("target_mean_mm", mean_mm));
+        measured.push(("target_p95_mm", away_mm[away_mm.len() * 95 / 100]));
     }
+    measured.iter().for_each(|(name, value)| say!("{name}: {value:.3}"));
     if let Some(path) = &args.json {
-        let figures = figures(&certificate, seconds, simulated_s(&state, &settings), (mean, most), &measured);
+        let figures = figures(&certificate, seconds, simulated_s(&drape, &state), (mean, most), &measured);
         write_whole(path, |out| out.write_all(figures.as_bytes()))?;
     }
     if rests && certificate.is_certified() {
@@ -234,105 +236,43 @@ fn draped(args: &Args) -> Result<(), String> {
 
 /// Lets a scene come to rest without a word, within so many simulated seconds, and says whether it does.
 pub fn rested(scene: &mut Scene, woven: &Woven, settings: &Settings, seconds: f64) -> Result<Certificate, String> {
-    let mut drape = Drape::new(&scene.sheet, woven, settings).map_err(|error| error.to_string())?;
-    let mut state = drape.state(&scene.sheet);
-    if let Some(start_m) = &scene.start_m {
-        state.positions_m.clone_from(start_m);
-    }
-    loop {
-        let last = advance(scene, &mut drape, settings, &mut state)?;
-        if is_at_rest(scene, &last, &state, settings) || simulated_s(&state, settings) >= seconds {
-            return Ok(drape.certify(scene.body.as_ref(), Bounds::default(), &state));
-        }
-    }
+    let (mut drape, mut state, course) = scene.begun(woven, settings)?;
+    Ok(to_rest(&mut drape, &mut scene.around, &course, seconds, &mut state, &mut |_, _| ()))
 }
 
-/// A tenth of a second. How far particles went, in the state and in what is returned, is then how far they came in that time at the most from where
-/// they were at its begin: a tremble of less than a tenth of a millimetre is rest.
-fn advance(scene: &mut Scene, drape: &mut Drape, settings: &Settings, state: &mut State) -> Result<Stepped, String> {
-    let from_m = state.positions_m.clone();
-    let mut farthest_m = vec![DVec3::ZERO; from_m.len()];
-    let mut last = Stepped::default();
-    for _ in 0..STEPS_AT_ONCE {
-        last = advance_step(scene, drape, settings, state)?;
-        for ((farthest_m, from_m), at_m) in farthest_m.iter_mut().zip(&from_m).zip(&state.positions_m) {
-            let way = *at_m - *from_m;
-            if way.length_squared() > farthest_m.length_squared() {
-                *farthest_m = way;
-            }
-        }
+/// Of what a saved state is: all that decides how it goes on.
+fn of_state(args: &Args, settings: &Settings) -> String {
+    let Args { scene, id, pose, start, displaced, cloth, .. } = args;
+    let mut of = format!("{scene} --cloth {cloth} --parts {}", settings.parts);
+    if scene == "kimono" {
+        of += &format!(" --id {id} --start {start} --displaced {displaced}");
+        of += &pose.as_ref().map_or(String::new(), |pose| format!(" --pose {pose}"));
     }
-    let seconds = STEPS_AT_ONCE as f64 * settings.step_s;
-    last.fastest_m_per_s = 0.0;
-    for (particle, farthest_m) in farthest_m.into_iter().enumerate() {
-        state.went_m_per_s[particle] = farthest_m / seconds;
-        if scene.sheet.pins()[particle].is_none() {
-            last.fastest_m_per_s = last.fastest_m_per_s.max(farthest_m.length() / seconds);
-        }
-    }
-    Ok(last)
+    of
 }
 
-/// One step, with what moves.
-fn advance_step(
-    scene: &mut Scene,
-    drape: &mut Drape,
-    settings: &Settings,
-    state: &mut State,
-) -> Result<Stepped, String> {
-    let now_s = simulated_s(state, settings);
-    let moved_s = scene.moves.as_ref().map_or(0.0, |moves| moves.seconds);
-    drape.set_drag(drag_per_s(now_s - moved_s, settings, scene.most_drag_per_s));
-    if let Some(pins) = scene.pins {
-        for (particle, pin) in scene.sheet.pins().iter().enumerate() {
-            if let Some(from_m) = pin {
-                drape.move_pin(particle, pins(particle, *from_m, now_s));
-            }
-        }
-    }
-    let mut moves_m = None;
-    if let (Some(moves), Some(body)) = (&scene.moves, &mut scene.body) {
-        // Also where a saved state goes on after the way.
-        let (from_m, to_m) =
-            [now_s, now_s + settings.step_s].map(|at_s| (moves.at_m)((at_s / moves.seconds).min(1.0))).into();
-        if now_s < moves.seconds {
-            moves_m = Some(to_m.iter().zip(&from_m).map(|(to, from)| *to - *from).collect::<Vec<DVec3>>());
-        }
-        body.moved(&to_m).map_err(|error| error.to_string())?;
-    }
-    let obstacle = scene.body.as_ref().map(|body| Obstacle { body, moves_m: moves_m.as_deref() });
-    Ok(drape.step(obstacle, state))
-}
-
-fn is_at_rest(scene: &Scene, last: &Stepped, state: &State, settings: &Settings) -> bool {
-    let moves = scene.moves.as_ref().is_some_and(|moves| simulated_s(state, settings) <= moves.seconds);
-    let waits = last.waiting * WAITING > state.positions_m.len();
-    !moves && !waits && last.fastest_m_per_s <= Bounds::default().fastest_m_per_s
-}
-
-/// Free for a second, then growing, so that what still swings comes to rest.
-fn drag_per_s(seconds: f64, settings: &Settings, most_per_s: f64) -> f64 {
-    let share = (seconds / FREE_S - 1.0).clamp(0.0, 1.0);
-    settings.drag_per_s + (most_per_s - settings.drag_per_s) * share
-}
-
-fn simulated_s(state: &State, settings: &Settings) -> f64 {
-    state.steps as f64 * settings.step_s
-}
-
-/// Steps, then places and velocities, little endian.
-fn state_bytes(state: &State) -> Vec<u8> {
-    let mut bytes = state.steps.to_le_bytes().to_vec();
+/// A line of text, steps, then places and velocities, little endian.
+fn state_bytes(of: &str, state: &State) -> Vec<u8> {
+    let mut bytes = format!("{STATE_OF}{of}\n").into_bytes();
+    bytes.extend(state.steps.to_le_bytes());
     for list in [&state.positions_m, &state.velocities_m_per_s] {
         bytes.extend(list.iter().flat_map(|v| v.to_array()).flat_map(f64::to_le_bytes));
     }
     bytes
 }
 
-fn saved_state(bytes: &[u8], particles: usize) -> Result<State, String> {
+fn saved_state(bytes: &[u8], of: &str, particles: usize) -> Result<State, String> {
+    let line = bytes.split(|byte| *byte == b'\n').next().and_then(|line| std::str::from_utf8(line).ok());
+    let Some(was_of) = line.and_then(|line| line.strip_prefix(STATE_OF)) else {
+        return Err("is no state of drape-scene".to_owned());
+    };
+    if was_of != of {
+        return Err(format!("is of `{was_of}`, not of `{of}`"));
+    }
+    let bytes = &bytes[STATE_OF.len() + of.len() + 1..];
     let words: Vec<[u8; 8]> = bytes.chunks_exact(8).map(|word| word.try_into().expect("8 bytes")).collect();
     if bytes.len() != 8 * (1 + 6 * particles) {
-        return Err(format!("has {} bytes, not {}", bytes.len(), 8 * (1 + 6 * particles)));
+        return Err(format!("has {} bytes behind its first line, not {}", bytes.len(), 8 * (1 + 6 * particles)));
     }
     let numbers: Vec<f64> = words[1..].iter().map(|word| f64::from_le_bytes(*word)).collect();
     if numbers.iter().any(|number| !number.is_finite()) {
@@ -343,7 +283,7 @@ fn saved_state(bytes: &[u8], particles: usize) -> Result<State, String> {
     Ok(State {
         positions_m: list(positions),
         velocities_m_per_s: list(velocities),
-        went_m_per_s: vec![DVec3::ZERO; particles],
+        went_m_per_s: vec![0.0; particles],
         steps: u64::from_le_bytes(words[0]),
     })
 }

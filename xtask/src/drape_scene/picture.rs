@@ -27,7 +27,7 @@ pub struct Frame {
 
 impl Frame {
     pub fn of(scene: &Scene, state: &State, settings: &Settings) -> Frame {
-        let body_m = scene.body.as_ref().map_or(Vec::new(), |body| body.surface().positions_m().to_vec());
+        let body_m = scene.around.body.as_ref().map_or(Vec::new(), |body| body.surface().positions_m().to_vec());
         Frame { seconds: state.steps as f64 * settings.step_s, positions_m: state.positions_m.clone(), body_m }
     }
 }
@@ -81,7 +81,7 @@ fn drawn(scene: &Scene, frame: &Frame, colours: &[[u8; 3]], camera: &Camera) -> 
         paint: Paint::PerVertex(colours),
         inside: Some(INSIDE),
     }];
-    let body = scene.body.as_ref().map(|body| {
+    let body = scene.around.body.as_ref().map(|body| {
         let places_m = single(&frame.body_m);
         let normals = smooth_normals(&places_m, body.surface().triangles());
         (places_m, normals, body.surface().triangles())

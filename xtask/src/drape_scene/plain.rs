@@ -1,5 +1,6 @@
 //! Scenes from formulas: sheets that hang, fall over a ball, are twisted, or fall onto each other.
 
+use super::around::{Around, PinsAt};
 use super::curves::catenary_sag_m;
 use super::{Figures, Scene, laboratory};
 use glam::DVec3;
@@ -38,15 +39,22 @@ fn pinned(sheet: &mut Sheet, particles: impl Iterator<Item = usize>) -> Result<(
     Ok(())
 }
 
+/// All pins of a sheet go where they are told.
+fn moving(sheet: &Sheet, at: PinsAt) -> Around {
+    let pins = sheet.pins().iter().enumerate().filter_map(|(particle, pin)| pin.map(|first_m| (particle, first_m)));
+    Around { pins: Some((pins.collect(), at)), ..Around::default() }
+}
+
 /// A square of one metre held by two corners that are 60 cm apart.
 fn hanging() -> Result<Scene, SheetError> {
     let mut sheet = Sheet::from_grid(&flat(67, 67, 1.0))?;
     pinned(&mut sheet, [0, 66].into_iter())?;
-    let pins = |particle: usize, from_m: DVec3, seconds: f64| {
+    let pins: PinsAt = |particle: usize, from_m: DVec3, seconds: f64| {
         let to_m = DVec3::new(if particle == 0 { -0.3 } else { 0.3 }, from_m.y, from_m.z);
         from_m.lerp(to_m, seconds.min(1.0))
     };
-    Ok(Scene { pins: Some(pins), figures: Some(of_hanging), parts: 10, most_drag_per_s: 6.0, ..Scene::of(sheet) })
+    let around = moving(&sheet, pins);
+    Ok(Scene { around, figures: Some(of_hanging), parts: 10, most_drag_per_s: 6.0, ..Scene::of(sheet) })
 }
 
 /// How far the upper edge sags, beside a chain of its length between the same places.
@@ -64,7 +72,7 @@ fn of_hanging(scene: &Scene, _: &Woven, positions_m: &[DVec3]) -> Figures {
 fn sphere() -> Result<Scene, SheetError> {
     let (positions_m, triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
     let body = Body::new(&positions_m, &triangles).expect("a ball is a body");
-    Ok(Scene { body: Some(body), ..Scene::of(Sheet::from_grid(&flat(61, 61, 0.22))?) })
+    Ok(Scene { around: Around::of(body), ..Scene::of(Sheet::from_grid(&flat(61, 61, 0.22))?) })
 }
 
 /// A band of 30 by 60 cm whose ends are turned against each other, half a turn each, and come nearer by a quarter. Wound by two turns it is
@@ -77,13 +85,14 @@ fn twist() -> Result<Scene, SheetError> {
     let mut sheet = Sheet::from_grid(&grid)?;
     let last = rows * columns;
     pinned(&mut sheet, (0..columns).chain(last - columns..last))?;
-    let pins = |_: usize, from_m: DVec3, seconds: f64| {
+    let pins: PinsAt = |_: usize, from_m: DVec3, seconds: f64| {
         let share = (seconds / 4.0).min(1.0);
         let angle = from_m.x.signum() * std::f64::consts::PI * share;
         let (sin, cos) = (libm::sin(angle), libm::cos(angle));
         DVec3::new(from_m.x * (1.0 - 0.25 * share), -from_m.z * sin, from_m.z * cos)
     };
-    Ok(Scene { pins: Some(pins), ..Scene::of(sheet) })
+    let around = moving(&sheet, pins);
+    Ok(Scene { around, ..Scene::of(sheet) })
 }
 
 /// Ten squares of 45 cm fall onto a ball, one after the other.
@@ -110,5 +119,5 @@ fn layers() -> Result<Scene, SheetError> {
     };
     let (body_m, body_triangles) = analytic_form::sphere(DVec3::ZERO, 0.2, 64);
     let body = Body::new(&body_m, &body_triangles).expect("a ball is a body");
-    Ok(Scene { body: Some(body), ..Scene::of(Sheet::from_pattern(&mesh)?) })
+    Ok(Scene { around: Around::of(body), ..Scene::of(Sheet::from_pattern(&mesh)?) })
 }
