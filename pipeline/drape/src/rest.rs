@@ -25,7 +25,7 @@ pub struct Course {
 
 impl Default for Course {
     fn default() -> Course {
-        Course { moving_s: 0.0, free_s: 1.0, drag_per_s: [2.0, 20.0], bounds: Bounds::default() }
+        Course { moving_s: 0.0, free_s: 1.0, drag_per_s: [2.0, 10.0], bounds: Bounds::default() }
     }
 }
 

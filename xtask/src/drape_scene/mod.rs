@@ -100,7 +100,7 @@ impl Scene {
             start_m: None,
             target_m: None,
             parts: 4,
-            most_drag_per_s: 20.0,
+            most_drag_per_s: 10.0,
             figures: None,
         }
     }
