@@ -112,10 +112,10 @@ fn rooms_stand_on_the_floors_below_them() {
     ];
     let drape: &[&[&str]] = &[
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
-        &["cloth_contact", "patches", "room", "triangle_tree", "woven"],
+        &["cloth_contact", "patches", "room", "slices", "triangle_tree", "woven"],
         &["intersections", "links", "near_pairs", "relax"],
         &["body", "contacts", "repair"],
-        &["certificate"],
+        &["certificate", "form"],
         &["drape"],
         &["rest"],
     ];

@@ -28,7 +28,7 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn cleaned(args: &Args) -> Result<(), String> {
-    let scan = args.scan.read()?;
+    let scan = args.scan.mesh.read()?;
     let cleaned = args.scan.clean(&scan)?;
     say!("{}", table(&cleaned));
     write_whole(&args.out, |out| write_ply(&cleaned, &cleaned.carried(&scan.mesh), out))?;

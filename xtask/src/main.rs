@@ -13,6 +13,7 @@ mod covered;
 mod drape_scene;
 mod evaluate;
 mod fit;
+mod form;
 mod inspect;
 mod leave_one_out;
 mod masks;
@@ -57,6 +58,7 @@ enum Verb {
     DrapeScene(drape_scene::Args),
     Evaluate(evaluate::Args),
     Fit(fit::Args),
+    Form(form::Args),
     Inspect(inspect::Args),
     LeaveOneOut(leave_one_out::Args),
     Masks(masks::Args),
@@ -91,6 +93,7 @@ fn main() -> ExitCode {
         Verb::DrapeScene(args) => drape_scene::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Fit(args) => fit::run(args),
+        Verb::Form(args) => form::run(args),
         Verb::Inspect(args) => inspect::run(args),
         Verb::LeaveOneOut(args) => leave_one_out::run(args),
         Verb::Masks(args) => masks::run(args),

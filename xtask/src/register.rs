@@ -57,7 +57,7 @@ fn registered(args: &Args) -> Result<(), String> {
         let png = picture(triangles, &laid, &scan)?;
         write_whole(path, |out| out.write_all(&png))?;
     }
-    args.texture.write(&args.scan.file, &garment, &laid, &coloured)?;
+    args.texture.write(&args.scan.mesh.file, &garment, &laid, &coloured)?;
     Ok(())
 }
 

@@ -13,10 +13,10 @@ use kitsuke_pipeline::stages::register::{self, Registered};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// A scan and how it is read and cleaned, as options of a verb.
+/// A mesh of any kind we read, with its unit and axes, as options of a verb.
 #[derive(clap::Args)]
-pub struct ScanArgs {
-    /// The scan (OBJ, PLY, GLB, glTF, FBX)
+pub struct MeshArgs {
+    /// The mesh (OBJ, PLY, GLB, glTF, FBX)
     pub file: PathBuf,
     /// The file's unit, where the file does not say it
     #[arg(long, value_parser = unit)]
@@ -27,6 +27,13 @@ pub struct ScanArgs {
     /// The file's axis that points to the wearer's front
     #[arg(long, value_parser = axis, allow_hyphen_values = true)]
     front: Option<DVec3>,
+}
+
+/// A scan and how it is read and cleaned, as options of a verb.
+#[derive(clap::Args)]
+pub struct ScanArgs {
+    #[command(flatten)]
+    pub mesh: MeshArgs,
     /// A place of the base (metres, Y up) and the same in the scan (as its file counts); may be given several times
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = landmark, allow_hyphen_values = true)]
     landmark: Vec<[DVec3; 2]>,
@@ -62,7 +69,7 @@ pub struct Scan {
     pub metres_from_file: DMat3,
 }
 
-impl ScanArgs {
+impl MeshArgs {
     /// Reads the file; what is wrong with it is printed or the error.
     pub fn read(&self) -> Result<Scan, String> {
         let mesh = imported(&self.file)?;
@@ -76,7 +83,9 @@ impl ScanArgs {
         })?;
         Ok(Scan { mesh, positions_m, knows_front, metres_from_file })
     }
+}
 
+impl ScanArgs {
     /// Cleans it with pymeshlab.
     pub fn clean(&self, scan: &Scan) -> Result<Cleaned, String> {
         let python = environment::python(&self.cache, &environment::PYMESHLAB, &|line| say!("{line}"))
@@ -115,7 +124,7 @@ pub fn registration(places: &Places, id: &str, args: &ScanArgs, truth: Option<&P
     let base_m: Vec<DVec3> = garment.base.positions_m.iter().map(|p| p.as_dvec3()).collect();
     // Before anything long is computed.
     let truth = truth.map(|path| read_truth(path, base_m.len())).transpose()?;
-    let read = args.read()?;
+    let read = args.mesh.read()?;
     let cleaned = args.clean(&read)?;
     let coloured = cleaned.carried(&read.mesh);
     let scan = register::Scan {

@@ -73,7 +73,7 @@ impl Part<'_> {
         let slide = now - then;
         let slide = slide - pair.normal * slide.dot(pair.normal);
         let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
+        let stop = if slid_m > 0.0 { (friction * push_m / slid_m).min(1.0) } else { 0.0 };
         for (corner, weight) in corners.into_iter().zip(pair.weights) {
             let weight = self.inverse_kg[corner] * weight / share;
             self.places_m[corner] += (pair.normal * push_m - slide * stop) * weight;
@@ -98,7 +98,7 @@ impl Part<'_> {
         let slide = self.places_m[place] - self.before_m[place] - touch.move_m * self.way_now;
         let slide = slide - touch.normal * slide.dot(touch.normal);
         let slid_m = slide.length();
-        let stop = if slid_m > 0.0 { (friction * (push_m - apart_m) / slid_m).min(1.0) } else { 0.0 };
+        let stop = if slid_m > 0.0 { (friction * push_m / slid_m).min(1.0) } else { 0.0 };
         self.places_m[place] += touch.normal * push_m - slide * stop;
         self.before_m[place] += touch.normal * apart_m;
     }

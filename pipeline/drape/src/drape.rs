@@ -29,7 +29,7 @@ const FARTHEST_M: f64 = 0.012;
 /// Pairs nearer than this many thicknesses, and as far as two particles go in a step besides, are pushed apart.
 const PUSH: f64 = 1.5;
 /// One particle in so many may wait at the end of its room, or have gone farther than pairs were looked for, before the solver looks again.
-const BOUND: usize = 200;
+const BOUND: usize = 50;
 /// A look serves at most so many steps.
 const LASTS: u32 = 12;
 
@@ -404,8 +404,10 @@ impl Drape {
         let Settings { step_s, parts, clearance_m, deepest_m, .. } = self.settings;
         let places_m = &motion.places_m;
         let ahead_s = step_s * f64::from(left) / f64::from(parts);
-        let fastest = motion.velocities.iter().map(|velocity| velocity.length_squared()).fold(0.0, f64::max);
-        let goes_m = fastest.sqrt() * ahead_s;
+        // Of all but the few that may wait: whoever is thrown does not decide how far all others look.
+        let mut speeds2: Vec<f64> = motion.velocities.iter().map(|velocity| velocity.length_squared()).collect();
+        let few = speeds2.len() / BOUND;
+        let goes_m = speeds2.select_nth_unstable_by(few, |a, b| b.total_cmp(a)).1.sqrt() * ahead_s;
         let thickness_m = self.woven.thickness_m;
         let reach_m = (REACH * thickness_m + 2.5 * goes_m).min(FARTHEST_M.max(REACH * thickness_m));
         let push_m = (PUSH * thickness_m + 2.0 * goes_m).min(reach_m);

@@ -6,6 +6,7 @@ pub(crate) mod causes;
 pub mod clean_answer;
 mod delimited;
 pub mod folder;
+pub mod form_lines;
 pub mod formula;
 pub mod import;
 pub mod manifest;
