@@ -108,3 +108,41 @@ fn an_interrupted_scene_goes_on_with_the_same_bytes() {
     let shape = |out: &Path| fs::read(out.join("cantilever.obj")).unwrap();
     assert!(shape(whole.path()) == shape(parted.path()));
 }
+
+#[test]
+fn a_form_is_written_with_lines_that_may_be_corrected() {
+    let folder = tempfile::tempdir().unwrap();
+    let xtask = repository().join("target/release/xtask");
+    if !xtask.exists() {
+        eprintln!("skipped: first run cargo build --release --package xtask");
+        return;
+    }
+    let body = repository().join("assets-src/bodies/b04.glb");
+    let form = |more: &[&str]| {
+        let mut command = Command::new(&xtask);
+        command.arg("form").arg(&body).args(["--sections", "200", "--places", "96"]).args(more);
+        command.arg("--out").arg(folder.path()).arg("--json").arg(folder.path().join("figures.json"));
+        command.output().unwrap()
+    };
+    let output = form(&[]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let found = figures(folder.path());
+    let at = |key: &str| found[key].as_f64().unwrap();
+    assert!(at("form_mean_mm") < 1.0 && at("form_max_mm") < 5.0, "{found}");
+    assert!(at("hip_m") < at("waist_m") && at("waist_m") < at("bust_m") && at("waist_girth_m") < at("hip_girth_m"));
+    assert!(folder.path().join("form.png").is_file() && folder.path().join("form.obj").is_file());
+    let lines = folder.path().join("form.toml");
+    let text = fs::read_to_string(&lines).unwrap();
+    let lower = text.replacen("waist = \"", "waist = \"0", 1);
+    fs::write(&lines, &lower).unwrap();
+    assert!(form(&["--lines", lines.to_str().unwrap()]).status.success(), "what was written is read");
+    for (wrong, wanted) in [
+        ("waist = \"3 m\"\n", "the waist line at 3.000 m is not on the form"),
+        ("wast = \"1 m\"\n", "wast"),
+        ("waist = \"1 m\"\nhip = \"1.1 m\"\n", "must lie above one another"),
+    ] {
+        fs::write(&lines, wrong).unwrap();
+        let output = form(&["--lines", lines.to_str().unwrap()]);
+        assert!(output.status.code() == Some(1) && errors(&output).contains(wanted), "{}", errors(&output));
+    }
+}

@@ -111,13 +111,14 @@ fn rooms_stand_on_the_floors_below_them() {
         &["catalog"],
     ];
     let drape: &[&[&str]] = &[
-        &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet"],
+        &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet", "slit"],
         &["cloth_contact", "patches", "room", "slices", "triangle_tree", "woven"],
-        &["intersections", "links", "near_pairs", "relax"],
+        &["intersections", "links", "near_pairs", "pattern", "relax"],
         &["body", "contacts", "repair"],
         &["certificate", "form"],
-        &["drape"],
+        &["drape", "mapping", "outline"],
         &["rest"],
+        &["skirt"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
     for (folder, floors) in crates {

@@ -61,6 +61,12 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 impl FormArgs {
+    /// A body's form as large as the paper's.
+    pub fn of(body: MeshArgs, lines: Option<PathBuf>) -> FormArgs {
+        let Cut { sections, places, from } = Cut::default();
+        FormArgs { body, sections, places, from, lines }
+    }
+
     /// The body and its form, with the lines that were given.
     pub fn make(&self) -> Result<(Body, Form), String> {
         let scan = self.body.read()?;

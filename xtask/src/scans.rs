@@ -70,6 +70,11 @@ pub struct Scan {
 }
 
 impl MeshArgs {
+    /// A file whose axes are as it says, or Y up and the front +Z.
+    pub fn of(file: &Path, unit: Option<LengthUnit>) -> MeshArgs {
+        MeshArgs { file: file.to_owned(), unit, up: None, front: None }
+    }
+
     /// Reads the file; what is wrong with it is printed or the error.
     pub fn read(&self) -> Result<Scan, String> {
         let mesh = imported(&self.file)?;

@@ -46,6 +46,8 @@ pub struct Settings {
     pub clearance_m: f64,
     /// How deep in the body a particle may be and still be brought out, metres, at least 0.
     pub deepest_m: f64,
+    /// What presses cloth that is near the body onto it, N/m²: hands that smooth it.
+    pub pressure_n_per_m2: f64,
     /// Whether cloth keeps clear of itself; without, a step is faster.
     pub meets_itself: bool,
     /// Metres per second squared, along Y.
@@ -60,6 +62,7 @@ impl Default for Settings {
             drag_per_s: 2.0,
             clearance_m: 0.004,
             deepest_m: 0.02,
+            pressure_n_per_m2: 0.0,
             meets_itself: true,
             gravity_m_per_s2: -9.81,
         }
@@ -191,6 +194,7 @@ impl Drape {
         at_least_zero("drag_per_s", settings.drag_per_s)?;
         above_zero("clearance_m", settings.clearance_m)?;
         at_least_zero("deepest_m", settings.deepest_m)?;
+        at_least_zero("pressure_n_per_m2", settings.pressure_n_per_m2)?;
         at_least_zero("gravity_m_per_s2", settings.gravity_m_per_s2.abs())?;
         let patches = Patches::of(sheet.positions_m());
         let placed = |particle: u32| patches.place_of[particle as usize];
@@ -359,6 +363,10 @@ impl Drape {
         let drag = 1.0 / (1.0 + self.settings.drag_per_s * part_s);
         let fall = DVec3::Y * (self.settings.gravity_m_per_s2 * part_s);
         let Motion { places_m, velocities, before_m, were_m } = motion;
+        let press = self.settings.pressure_n_per_m2 / self.woven.mass_kg_per_m2 * part_s;
+        for touch in look.touches.iter().filter(|_| press > 0.0) {
+            velocities[touch.place as usize] -= touch.normal * press;
+        }
         were_m.copy_from_slice(places_m);
         before_m.copy_from_slice(places_m);
         for (place, at_m) in places_m.iter_mut().enumerate() {

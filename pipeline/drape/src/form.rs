@@ -77,8 +77,9 @@ pub struct Form {
 pub struct Section {
     /// X and Z, metres.
     pub middle_m: DVec2,
-    /// At equal angles, metres.
-    pub radii_m: Vec<f64>,
+    radii_m: Vec<f64>,
+    /// From angle 0 to each place along the section, and all around, metres.
+    along_m: Vec<f64>,
 }
 
 /// How far a form and its body are from each other, both ways, metres; where the form is open, not counted.
@@ -205,25 +206,44 @@ impl Form {
         Ok(Form { lines, ..self })
     }
 
-    /// Where cloth that hangs straight and taut touches it: all sections convex, and below the hip line nothing is thinner than above it. The paper
-    /// takes the hip's section below it; thighs that stand out farther are in ours.
+    /// What a tight skirt touches: all sections convex, below the hip line one section as wide as any there, and upright, between waist and hip line,
+    /// only what stands out. The paper takes the hip's section below the hip; thighs that stand out farther are in ours.
     #[must_use]
     pub fn skirt(&self) -> Form {
-        let hip = self.heights_m.partition_point(|height| *height < self.lines.hip_m).min(self.heights_m.len() - 1);
+        let section_at =
+            |height_m: f64| self.heights_m.partition_point(|height| *height < height_m).min(self.heights_m.len() - 1);
+        let [hip, waist] = [section_at(self.lines.hip_m), section_at(self.lines.waist_m)];
         let outline = |section: usize| (0..self.places).map(move |place| self.place_m(section, place));
-        let below: Vec<DVec2> = (0..=hip).flat_map(outline).collect();
+        let below = hull(&(0..=hip).flat_map(outline).collect::<Vec<_>>());
+        let middle_m = middle_m(&below);
         let mut form = self.clone();
+        form.middles_m.fill(middle_m);
         for section in 0..self.heights_m.len() {
-            let taut = if section <= hip { hull(&below) } else { hull(&outline(section).collect::<Vec<_>>()) };
-            let middle_m = self.middles_m[section.max(hip)];
-            form.middles_m[section] = middle_m;
+            let taut = if section <= hip { below.clone() } else { hull(&outline(section).collect::<Vec<_>>()) };
             for place in 0..self.places {
-                let at = section * self.places + place;
-                let was_m = self.place_m(section, place);
-                let direction = direction(self.angle_rad(place));
-                form.radii_m[at] = last_met_m(&taut, middle_m, direction).unwrap_or(self.radii_m[at]);
-                form.is_open[at] |= form.place_m(section, place).distance(was_m) > BRIDGED_M;
+                let way = direction(self.angle_rad(place));
+                form.radii_m[section * self.places + place] = last_met_m(&taut, middle_m, way).unwrap_or(0.0);
             }
+        }
+        for place in 0..self.places {
+            // As a thread that is drawn from the waist to the hip along this angle.
+            let profile: Vec<DVec2> = (hip..=waist)
+                .map(|section| DVec2::new(self.heights_m[section], form.radii_m[section * self.places + place]))
+                .collect();
+            let chain = upper_chain(&profile);
+            let mut along = 0;
+            for section in hip..=waist {
+                while along + 2 < chain.len() && chain[along + 1].x < self.heights_m[section] {
+                    along += 1;
+                }
+                let [a, b] = [chain[along], chain[(along + 1).min(chain.len() - 1)]];
+                let share = if b.x > a.x { (self.heights_m[section] - a.x) / (b.x - a.x) } else { 0.0 };
+                form.radii_m[section * self.places + place] = a.y + (b.y - a.y) * share;
+            }
+        }
+        for at in 0..form.radii_m.len() {
+            let [section, place] = [at / self.places, at % self.places];
+            form.is_open[at] |= form.place_m(section, place).distance(self.place_m(section, place)) > BRIDGED_M;
         }
         form
     }
@@ -258,10 +278,8 @@ impl Form {
         let [low_m, high_m] = [self.heights_m[above - 1], self.heights_m[above]];
         let share = ((height_m - low_m) / (high_m - low_m)).clamp(0.0, 1.0);
         let [low, high] = [above - 1, above].map(|section| &self.radii_m[section * self.places..][..self.places]);
-        Section {
-            middle_m: self.middles_m[above - 1].lerp(self.middles_m[above], share),
-            radii_m: low.iter().zip(high).map(|(low, high)| low + (high - low) * share).collect(),
-        }
+        let radii_m = low.iter().zip(high).map(|(low, high)| low + (high - low) * share).collect();
+        Section::new(self.middles_m[above - 1].lerp(self.middles_m[above], share), radii_m)
     }
 
     /// As a closed mesh, farther out by a distance (metres): places section by section, then the middles below and above; triangles face out.
@@ -351,6 +369,17 @@ impl Form {
 }
 
 impl Section {
+    /// Of radii at equal angles from the front on, metres, at least three.
+    #[must_use]
+    pub fn new(middle_m: DVec2, radii_m: Vec<f64>) -> Section {
+        let mut section = Section { middle_m, radii_m, along_m: vec![0.0] };
+        for place in 0..section.radii_m.len() {
+            let side_m = section.corner_m(place).distance(section.corner_m(place + 1));
+            section.along_m.push(section.along_m[place] + side_m);
+        }
+        section
+    }
+
     /// Radius at an angle, on the straight line between two places.
     #[must_use]
     pub fn radius_m(&self, angle_rad: f64) -> f64 {
@@ -380,16 +409,33 @@ impl Section {
     /// All around, metres.
     #[must_use]
     pub fn girth_m(&self) -> f64 {
-        let count = self.radii_m.len();
-        let at = |i: usize| direction(TAU * i as f64 / count as f64) * self.radii_m[i % count];
-        (0..count).map(|i| at(i).distance(at(i + 1))).sum()
+        self.along_m[self.radii_m.len()]
     }
 
     /// Farther out along each angle, metres.
     #[must_use]
     pub fn grown(mut self, out_m: f64) -> Section {
         self.radii_m.iter_mut().for_each(|radius_m| *radius_m += out_m);
-        self
+        Section::new(self.middle_m, self.radii_m)
+    }
+
+    /// Radii at equal angles, metres.
+    #[must_use]
+    pub fn radii_m(&self) -> &[f64] {
+        &self.radii_m
+    }
+
+    /// The way from the middle to a place, counted on beyond the last one.
+    #[must_use]
+    pub fn corner_m(&self, place: usize) -> DVec2 {
+        let count = self.radii_m.len();
+        direction(TAU * place as f64 / count as f64) * self.radii_m[place % count]
+    }
+
+    /// From angle 0 to a place along the section, metres; of all places, the girth.
+    #[must_use]
+    pub fn along_m(&self) -> &[f64] {
+        &self.along_m
     }
 }
 
@@ -436,6 +482,20 @@ impl Trunk {
         let wall_m = if direction.x > 0.0 { self.arms_m[1] } else { self.arms_m[0] };
         if direction.x.abs() < 1e-12 { f64::INFINITY } else { ((wall_m - from_m.x) / direction.x).max(0.0) }
     }
+}
+
+/// Of places that go to greater X, those that a thread above them touches.
+fn upper_chain(places: &[DVec2]) -> Vec<DVec2> {
+    let mut chain: Vec<DVec2> = Vec::new();
+    for &place in places {
+        while chain.len() >= 2
+            && (chain[chain.len() - 1] - chain[chain.len() - 2]).perp_dot(place - chain[chain.len() - 2]) >= 0.0
+        {
+            chain.pop();
+        }
+        chain.push(place);
+    }
+    chain
 }
 
 fn level(low_m: f64, high_m: f64, count: usize) -> Vec<f64> {

@@ -3,7 +3,10 @@
 use glam::{DVec2, DVec3};
 use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
+use kitsuke_drape::drape::Settings;
 use kitsuke_drape::form::{Cut, Form, FormError, Lines, direction};
+use kitsuke_drape::skirt::{Design, SkirtError, laid_on, pattern};
+use kitsuke_drape::woven::Woven;
 use std::f64::consts::{PI, TAU};
 
 /// An upright body of round level sections: radii (X, Z) at heights, an angle turned about +Y for each side.
@@ -87,7 +90,7 @@ fn a_person_from_formulas_has_her_lines_and_neither_arms_nor_head() {
     assert!(apart.vertices > 1000 && apart.open > 0.02 && apart.open < 0.3);
     // What hangs straight down from the hip.
     let skirt = form.skirt();
-    assert_eq!(skirt.section(0.5).radii_m, skirt.section(0.7).radii_m);
+    assert_eq!(skirt.section(0.5).radii_m(), skirt.section(0.7).radii_m());
     assert!(skirt.section(0.5).girth_m() >= form.section(hip_m).girth_m() - 1e-6);
 }
 
@@ -153,4 +156,45 @@ fn sections_of_equal_places_are_equal_whatever_the_mesh() {
         let [a, b] = [&coarse, &fine].map(|form| form.section(0.8).at_m(turn));
         assert!(a.distance(b) < 1e-3 && (a.distance(DVec2::ZERO) - 0.2).abs() < 1e-3, "{a} {b}");
     }
+}
+
+/// From the form to the pattern: weft lengths as laid on, rest, seams, and what a tight skirt's pieces look like.
+#[test]
+fn a_tight_skirt_is_draped_and_its_pattern_read_off() {
+    let form = Form::of(&person(), &Cut { sections: 200, places: 128, from: 0.2 }).unwrap().skirt();
+    let (mesh_m, corners) = form.mesh(0.0);
+    let body = Body::new(&mesh_m, &corners).unwrap();
+    let design = Design { length_m: 0.45, cell_m: 0.015, ..Design::default() };
+    let mut halves = laid_on(&form, &design, 0.002, 0.003).unwrap();
+    let woven = Woven { thickness_m: 0.001, body_friction: 0.5, ..Woven::default() };
+    let settings = Settings { clearance_m: 0.002, pressure_n_per_m2: 20.0, ..Settings::default() };
+    for half in &mut halves {
+        assert!(half.arc_error_max < 1e-3, "{}: {}", half.name, half.arc_error_max);
+        let certificate = half.relax(&body, &woven, &settings).unwrap();
+        assert!(certificate.is_certified(), "{certificate}");
+        assert!(half.strain_mean < 0.01, "{}", half.strain_mean);
+    }
+    let pattern = pattern(&halves, 0.01).unwrap();
+    assert_eq!((pattern.pieces.len(), pattern.seams.len()), (4, 8));
+    for piece in &pattern.pieces {
+        piece.check().unwrap();
+    }
+    for seam in &pattern.seams {
+        assert!(pattern.unequal_m(*seam) < 5e-4, "{seam:?}");
+    }
+    // Round the hem and, darts closed, round the waist, the pieces are as long as the form with the cloth's clearance.
+    let around_m = |names: &[&str]| -> f64 {
+        let runs = pattern.pieces.iter().flat_map(|piece| &piece.runs);
+        runs.filter(|run| names.contains(&run.name.as_str())).map(|run| run.length_m()).sum()
+    };
+    let girth_m = |height_m: f64| form.section(height_m).grown(0.002).girth_m();
+    let hem_m = around_m(&["hem"]);
+    assert!((hem_m / girth_m(form.lines.waist_m - 0.45) - 1.0).abs() < 0.01, "{hem_m}");
+    let waist_m = around_m(&["waist to the centre", "waist to the side"]);
+    // Her waist is a third thinner than her hip: with one dart to a quarter, cloth shears between them.
+    assert!((waist_m / girth_m(form.lines.waist_m) - 1.0).abs() < 0.07, "{waist_m}");
+    assert!(hem_m - waist_m > 0.1, "a waist is thinner than a hip");
+
+    let short = Form::of(&person(), &Cut { sections: 64, places: 64, from: 0.45 }).unwrap().skirt();
+    assert!(matches!(laid_on(&short, &design, 0.002, 0.001), Err(SkirtError::Form { .. })));
 }

@@ -7,8 +7,11 @@ pub mod kimono;
 mod laboratory;
 mod picture;
 mod plain;
+mod tight_skirt;
 
+use crate::form::FormArgs;
 use crate::places::{Places, ended, say, write_whole};
+use crate::scans::{MeshArgs, unit};
 use around::Around;
 use glam::DVec3;
 use kitsuke_drape::certificate::Certificate;
@@ -16,6 +19,7 @@ use kitsuke_drape::drape::{Drape, Settings, State, Stepped, strain};
 use kitsuke_drape::rest::{Course, go_on, is_still, simulated_s, to_rest};
 use kitsuke_drape::sheet::Sheet;
 use kitsuke_drape::woven::{PRESETS, Woven};
+use kitsuke_pipeline::source::units::LengthUnit;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -30,13 +34,13 @@ const STATE_OF: &str = "kitsuke drape-scene ";
 /// Let cloth fall and come to certified rest, and show it
 ///
 /// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers,
-/// cantilever and drape-coefficient (of textile laboratories, with what they measure).
+/// cantilever and drape-coefficient (of textile laboratories, with what they measure), tight-skirt (on the form of --body, with its pattern).
 /// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
 /// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene
-    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient"])]
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "tight-skirt"])]
     scene: String,
     /// Which kimono
     #[arg(long, default_value = "komon")]
@@ -65,6 +69,18 @@ pub struct Args {
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// The body on whose form the skirt is draped, a closed mesh that stands upright
+    #[arg(long, value_name = "FILE", required_if_eq("scene", "tight-skirt"))]
+    body: Option<PathBuf>,
+    /// The body's unit, where its file does not say it
+    #[arg(long, value_parser = unit)]
+    unit: Option<LengthUnit>,
+    /// Lines of the form that are known better than the rules find them, see `form`
+    #[arg(long, value_name = "FILE.toml")]
+    lines: Option<PathBuf>,
+    /// From the skirt's waist to its hem, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 550.0)]
+    length: f64,
     #[command(flatten)]
     places: Places,
 }
@@ -124,7 +140,9 @@ impl Scene {
 
 /// Simulates; 1 when something cannot be read or written, or the cloth does not come to certified rest.
 pub fn run(args: Args) -> ExitCode {
-    ended(draped(&args))
+    let Some(body) = &args.body else { return ended(draped(&args)) };
+    let form = FormArgs::of(MeshArgs::of(body, args.unit), args.lines.clone());
+    ended(tight_skirt::draped(&form, 1e-3 * args.length, &args.out, args.json.as_deref()))
 }
 
 fn draped(args: &Args) -> Result<(), String> {

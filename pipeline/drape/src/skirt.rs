@@ -1,0 +1,459 @@
+//! The tight skirt of the paper (Shoda 2018, 2.3): cloth laid on a form from waist to hem, half front and half back of the wearer's right side, each with
+//! a slit that becomes a dart; what the form's lines cut out of it when it has come to rest is the pattern. Knows no files.
+
+use crate::body::Body;
+use crate::certificate::Certificate;
+use crate::drape::{Drape, Settings, State, strain};
+use crate::fabric::FabricError;
+use crate::form::Form;
+use crate::mapping::{Centre, Dart, Mapping, turned};
+use crate::outline::{OnCloth, met};
+use crate::pattern::{Pattern, Piece, Run};
+use crate::rest::{Course, to_rest};
+use crate::sheet::{PatternMesh, Sheet, SheetError};
+use crate::slit::{Flat, SlitError};
+use crate::woven::Woven;
+use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
+
+/// Cloth beyond the centre line and beyond the side line, metres.
+const BEYOND_CENTRE_M: f64 = 0.024;
+const BEYOND_SIDE_M: f64 = 0.03;
+/// And below the hem.
+const BELOW_HEM_M: f64 = 0.024;
+/// Most seconds that cloth has to come to rest.
+const MOST_S: f64 = 6.0;
+
+/// What is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Design {
+    /// From the waist line down to the hem, metres.
+    pub length_m: f64,
+    /// Cloth above the waist line, metres.
+    pub above_m: f64,
+    /// Size of the cloth's cells, about, metres.
+    pub cell_m: f64,
+    /// Of the half front and the half back: what the dart takes of what the waist is less than the hip, 0 to 1; the side seam takes the rest.
+    pub dart_share: [f64; 2],
+    /// Where its slit is, share of the waist's quarter.
+    pub dart_at: [f64; 2],
+    /// Where it ends, share of the way from the hip line up to the waist line.
+    pub dart_tip: [f64; 2],
+}
+
+impl Default for Design {
+    fn default() -> Design {
+        Design {
+            length_m: 0.55,
+            above_m: 0.04,
+            cell_m: 0.012,
+            dart_share: [0.45, 0.55],
+            dart_at: [0.5, 0.5],
+            dart_tip: [0.5, 0.3],
+        }
+    }
+}
+
+/// Why there is no skirt.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SkirtError {
+    /// The form is too short.
+    #[error("the skirt goes from {from_m:.3} to {to_m:.3} m, the form from {low_m:.3} to {high_m:.3} m")]
+    Form {
+        /// Metres.
+        from_m: f64,
+        /// Metres.
+        to_m: f64,
+        /// Metres.
+        low_m: f64,
+        /// Metres.
+        high_m: f64,
+    },
+    /// A line of the form meets no cloth.
+    #[error("the {piece}'s {line} meets no cloth at {height_m:.3} m")]
+    Missed {
+        /// The half.
+        piece: &'static str,
+        /// The line.
+        line: &'static str,
+        /// Where.
+        height_m: f64,
+    },
+    /// Cloth that is none.
+    #[error(transparent)]
+    Sheet(#[from] SheetError),
+    /// A slit that is none.
+    #[error(transparent)]
+    Slit(#[from] SlitError),
+    /// Constants out of range.
+    #[error(transparent)]
+    Fabric(#[from] FabricError),
+}
+
+/// Half of the front or of the back, laid on.
+#[derive(Clone, Debug)]
+pub struct Half<'a> {
+    /// `right front` or `right back`.
+    pub name: &'static str,
+    /// The flat cloth with its slit.
+    pub flat: Flat,
+    /// How it is laid on.
+    pub mapping: Mapping<'a>,
+    /// Where it is laid on, metres.
+    pub laid_m: Vec<DVec3>,
+    /// Greatest error of a row's length along the weft, as laid on, of its length.
+    pub arc_error_max: f64,
+    /// Where it has come to rest, metres; before, where it is laid on.
+    pub rests_m: Vec<DVec3>,
+    /// Mean strain there.
+    pub strain_mean: f64,
+    /// Height of the hem, metres.
+    pub hem_m: f64,
+    /// The slit's borders in zone 0 and zone 1, from the cloth's upper edge to the dart's tip.
+    slit: [Vec<u32>; 2],
+}
+
+/// A dart's line at a height: in zone 0 and in zone 1.
+struct DartAt {
+    angles_rad: [f64; 2],
+    flat_m: [DVec2; 2],
+}
+
+/// The half front and the half back of the wearer's right side on a form that is taut ([`Form::skirt`]).
+///
+/// # Errors
+/// When the form is too short or a slit would lie outside of the cloth.
+pub fn laid_on<'a>(form: &'a Form, design: &Design, out_m: f64, layer_m: f64) -> Result<[Half<'a>; 2], SkirtError> {
+    let [low_m, high_m] = form.span_m();
+    let (from_m, to_m) = (form.lines.waist_m - design.length_m - BELOW_HEM_M, form.lines.waist_m + design.above_m);
+    if from_m < low_m || to_m > high_m {
+        return Err(SkirtError::Form { from_m, to_m, low_m, high_m });
+    }
+    Ok([
+        half(form, design, "right front", Centre::Front, [out_m, layer_m])?,
+        half(form, design, "right back", Centre::Back, [out_m, layer_m])?,
+    ])
+}
+
+fn half<'a>(
+    form: &'a Form,
+    design: &Design,
+    name: &'static str,
+    centre: Centre,
+    [out_m, layer_m]: [f64; 2],
+) -> Result<Half<'a>, SkirtError> {
+    let of = usize::from(centre == Centre::Back);
+    let (waist_m, hip_m) = (form.lines.waist_m, form.lines.hip_m);
+    let hem_m = waist_m - design.length_m;
+    let from_m = hem_m - BELOW_HEM_M;
+    let mut mapping = Mapping { form, out_m, layer_m, centre, is_left: false, from_m, darts: Vec::new() };
+    let (hip_quarter_m, waist_quarter_m) = (mapping.quarter_m(hip_m), mapping.quarter_m(waist_m));
+    // A row lies on the hip line, and a column on the centre line.
+    let rows_below = ((hip_m - from_m) / design.cell_m).round().max(1.0);
+    let warp_m = (hip_m - from_m) / rows_below;
+    let rows = ((waist_m + design.above_m - from_m) / warp_m).round() as usize;
+    let columns_before = (BEYOND_CENTRE_M / design.cell_m).round().max(1.0);
+    let weft_m = BEYOND_CENTRE_M / columns_before;
+    let columns = ((BEYOND_CENTRE_M + hip_quarter_m + BEYOND_SIDE_M) / weft_m).ceil() as usize;
+    let mut flat = Flat::rectangle(DVec2::new(-BEYOND_CENTRE_M, 0.0), columns, rows, DVec2::new(weft_m, warp_m));
+    let tip_m = hip_m + design.dart_tip[of] * (waist_m - hip_m);
+    let path = flat.along_warp(design.dart_at[of] * waist_quarter_m, tip_m - from_m);
+    let tip = *path.last().ok_or(SlitError::Short(0))?;
+    let at_m = flat.places_m[tip as usize];
+    // Downwards, cloth towards the centre is to the right.
+    let mut other = flat.slit(&path)?;
+    other.push(tip);
+    flat.divide(at_m.x);
+    let amount_m = design.dart_share[of] * (hip_quarter_m - waist_quarter_m).max(0.0);
+    mapping.darts.push(Dart { weft_m: at_m.x, tip_m: from_m + at_m.y, amount_m });
+    let zones = flat.vertex_zones();
+    let laid_m: Vec<DVec3> =
+        flat.places_m.iter().zip(&zones).map(|(place_m, zone)| mapping.place_m(*place_m, *zone)).collect();
+    let arc_error_max = arc_error_max(&flat, &mapping);
+    Ok(Half {
+        name,
+        flat,
+        mapping,
+        hem_m,
+        slit: [other, path],
+        rests_m: laid_m.clone(),
+        laid_m,
+        arc_error_max,
+        strain_mean: f64::NAN,
+    })
+}
+
+/// Of each row of each zone: how much longer or shorter it is on the form than in the cloth, along a line of short steps.
+fn arc_error_max(flat: &Flat, mapping: &Mapping) -> f64 {
+    const STEP_M: f64 = 0.002;
+    let mut rows: BTreeMap<(u32, u64), [f64; 2]> = BTreeMap::new();
+    for (corners, zone) in flat.triangles.iter().zip(&flat.zones) {
+        for place_m in corners.map(|v| flat.places_m[v as usize]) {
+            let ends = rows.entry((*zone, place_m.y.max(0.0).to_bits())).or_insert([f64::INFINITY, f64::NEG_INFINITY]);
+            *ends = [ends[0].min(place_m.x), ends[1].max(place_m.x)];
+        }
+    }
+    let rows: Vec<((u32, u64), [f64; 2])> = rows.into_iter().filter(|(_, [from_m, to_m])| to_m > from_m).collect();
+    let errors = crate::parallel::collect_each(rows.len(), |row, errors: &mut Vec<f64>| {
+        let ((zone, warp), [from_m, to_m]) = rows[row];
+        let count = ((to_m - from_m) / STEP_M).ceil() as usize;
+        let at = |i: usize| DVec2::new(from_m + (to_m - from_m) * i as f64 / count as f64, f64::from_bits(warp));
+        let places_m: Vec<DVec3> = (0..=count).map(|i| mapping.place_m(at(i), zone)).collect();
+        let length_m: f64 = places_m.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+        errors.push((length_m / (to_m - from_m) - 1.0).abs());
+    });
+    errors.into_iter().fold(0.0, f64::max)
+}
+
+impl Half<'_> {
+    /// Comes to rest on the form: hip, centre and side line are held, and the dart at its upper end; hands smooth the cloth.
+    ///
+    /// # Errors
+    /// When the cloth's constants are not in their ranges.
+    pub fn relax(&mut self, body: &Body, woven: &Woven, settings: &Settings) -> Result<Certificate, SkirtError> {
+        let corners_uv: Vec<[DVec2; 3]> =
+            self.flat.triangles.iter().map(|corners| corners.map(|v| self.flat.places_m[v as usize])).collect();
+        let mut sheet = Sheet::from_pattern(&PatternMesh {
+            positions_m: &self.laid_m,
+            triangles: &self.flat.triangles,
+            corners_uv: &corners_uv,
+            metres_per_uv: 1.0,
+            welds: &[],
+        })?;
+        let hip_warp_m = self.mapping.form.lines.hip_m - self.mapping.from_m;
+        let start_m = self.spaced_m();
+        let mut held: Vec<usize> = self.side_line();
+        for (v, place_m) in self.flat.places_m.iter().enumerate() {
+            if (place_m.y - hip_warp_m).abs() < 1e-6 || place_m.x.abs() < 1e-6 {
+                held.push(v);
+            }
+        }
+        // A dressmaker pins the dart above the waist.
+        held.extend(self.slit.iter().map(|border| border[0] as usize));
+        for v in held {
+            sheet.pin(v as u32, start_m[v])?;
+        }
+        let mut drape = Drape::new(&sheet, woven, settings)?;
+        let mut state: State = drape.state(&sheet);
+        state.positions_m.clone_from(&start_m);
+        let course = Course { free_s: 0.2, drag_per_s: [5.0, 15.0], ..Course::default() };
+        let certificate = to_rest(&mut drape, &mut Some(body), &course, MOST_S, &mut state, &mut |_, _| ());
+        self.strain_mean = strain(&sheet, &state.positions_m).0;
+        self.rests_m = state.positions_m;
+        Ok(certificate)
+    }
+
+    /// The vertex of each row that is laid on nearest to the side line.
+    fn side_line(&self) -> Vec<usize> {
+        let zones = self.flat.vertex_zones();
+        let mut nearest: BTreeMap<i64, (f64, usize)> = BTreeMap::new();
+        for (v, place_m) in self.flat.places_m.iter().enumerate().filter(|(v, _)| zones[*v] == 1) {
+            let laid_m = self.laid_m[v];
+            let section = self.mapping.form.section(laid_m.y).grown(self.mapping.out_m);
+            let turn = crate::form::angle_rad(DVec2::new(laid_m.x, laid_m.z) - section.middle_m);
+            let away_m = section.arc_m(self.mapping.side_rad(&section), turn).abs();
+            let best = nearest.entry((place_m.y * 1e7).round() as i64).or_insert((away_m, v));
+            if away_m < best.0 {
+                *best = (away_m, v);
+            }
+        }
+        nearest.into_values().map(|(_, v)| v).collect()
+    }
+
+    /// As laid on, but above the hip line each warp line as long on the form as in the cloth: level rows stretch it where the form slants.
+    fn spaced_m(&self) -> Vec<DVec3> {
+        const STEP_M: f64 = 1e-3;
+        let hip_warp_m = self.mapping.form.lines.hip_m - self.mapping.from_m;
+        let zones = self.flat.vertex_zones();
+        let mut warp_lines: BTreeMap<(u32, i64), Vec<usize>> = BTreeMap::new();
+        for (v, place_m) in self.flat.places_m.iter().enumerate() {
+            if place_m.y > hip_warp_m + 1e-9 {
+                warp_lines.entry((zones[v], (place_m.x * 1e7).round() as i64)).or_default().push(v);
+            }
+        }
+        let mut spaced_m = self.laid_m.clone();
+        for ((zone, _), mut line) in warp_lines {
+            line.sort_by(|a, b| self.flat.places_m[*a].y.total_cmp(&self.flat.places_m[*b].y));
+            let weft_m = self.flat.places_m[line[0]].x;
+            let at_m = |warp_m: f64| self.mapping.place_m(DVec2::new(weft_m, warp_m), zone);
+            let (mut warp_m, mut along_m) = (hip_warp_m, hip_warp_m);
+            let mut place_m = at_m(warp_m);
+            for v in line {
+                let wanted_m = self.flat.places_m[v].y;
+                let mut next_m = at_m(warp_m + STEP_M);
+                while along_m + next_m.distance(place_m) < wanted_m {
+                    along_m += next_m.distance(place_m);
+                    warp_m += STEP_M;
+                    place_m = next_m;
+                    next_m = at_m(warp_m + STEP_M);
+                }
+                spaced_m[v] = place_m.lerp(next_m, (wanted_m - along_m) / next_m.distance(place_m));
+            }
+        }
+        spaced_m
+    }
+
+    /// What the form's lines cut out of the cloth at rest: from the hem up the centre line, along the waist and round the dart, down the side, and back.
+    /// Counter-clockwise, as the cloth's inner side is seen.
+    ///
+    /// # Errors
+    /// When a line meets no cloth.
+    pub fn piece(&self, places_apart_m: f64) -> Result<Piece, SkirtError> {
+        let mapping = &self.mapping;
+        let (hem_m, waist_m) = (self.hem_m, mapping.form.lines.waist_m);
+        let tip_m = mapping.darts[0].tip_m;
+        let upright = |line: &'static str, zone: u32, [from_m, to_m]: [f64; 2], turn: &dyn Fn(f64) -> f64| {
+            let count = ((to_m - from_m).abs() / places_apart_m).ceil().max(1.0) as usize;
+            let heights = (0..=count).map(|i| from_m + (to_m - from_m) * i as f64 / count as f64);
+            heights.map(|height_m| self.flat_at(line, zone, height_m, turn(height_m))).collect::<Result<Vec<_>, _>>()
+        };
+        let section = |height_m: f64| mapping.form.section(height_m).grown(mapping.out_m);
+        let centre = |height_m: f64| mapping.centre_rad(&section(height_m));
+        let side = |height_m: f64| mapping.side_rad(&section(height_m));
+        let level = |line: &'static str, zone: u32, height_m: f64, [from_rad, to_rad]: [f64; 2]| {
+            let section = section(height_m);
+            let arc_m = section.arc_m(from_rad, to_rad);
+            let count = (arc_m.abs() / places_apart_m).ceil().max(1.0) as usize;
+            (0..=count)
+                .map(|i| section.angle_after(from_rad, arc_m * i as f64 / count as f64))
+                .map(|turn| self.flat_at(line, zone, height_m, turn))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let tip = self.flat_tip_m();
+        let count = ((waist_m - tip_m) / places_apart_m).ceil().max(2.0) as usize;
+        let (mut leg_down, mut leg_up) = (vec![tip], vec![tip]);
+        for i in 1..=count {
+            let height_m = tip_m + (waist_m - tip_m) * i as f64 / count as f64;
+            let [down, up] = self.dart_at(height_m)?.flat_m;
+            leg_down.push(down);
+            leg_up.push(up);
+        }
+        leg_down.reverse();
+        let dart_rad = self.dart_at(waist_m)?.angles_rad;
+        // The hem lies below both zones.
+        let slit_hem = section(hem_m).angle_after(centre(hem_m), mapping.sense() * tip.x);
+        let mut hem = level("hem", 1, hem_m, [side(hem_m), slit_hem])?;
+        hem.extend(level("hem", 0, hem_m, [slit_hem, centre(hem_m)])?.into_iter().skip(1));
+        let mut waist = [
+            level("waist line", 0, waist_m, [centre(waist_m), dart_rad[0]])?,
+            level("waist line", 1, waist_m, [dart_rad[1], side(waist_m)])?,
+        ];
+        *waist[0].last_mut().expect("a line has places") = leg_down[0];
+        waist[1][0] = leg_up[leg_up.len() - 1];
+        let [waist_to_centre, waist_to_side] = waist;
+        let run = |name: &str, places_m: Vec<DVec2>| Run { name: name.to_owned(), places_m };
+        let runs = vec![
+            run("centre", upright("centre line", 0, [hem_m, waist_m], &centre)?),
+            run("waist to the centre", waist_to_centre),
+            run("dart leg at the centre", leg_down),
+            run("dart leg at the side", leg_up),
+            run("waist to the side", waist_to_side),
+            run("side", upright("side line", 1, [waist_m, hem_m], &side)?),
+            run("hem", hem),
+        ];
+        let hip_m = mapping.form.lines.hip_m;
+        let piece = Piece {
+            name: self.name.to_owned(),
+            runs,
+            grain_m: [DVec2::new(0.06, 0.1), DVec2::new(0.06, 0.35)],
+            notches_m: vec![self.flat_at("side line", 1, hip_m, side(hip_m))?],
+        };
+        // It goes clockwise in the flat cloth, which shows its inner side where the weft goes round to the right of who looks at the wearer's front.
+        let over = piece.mirrored(self.name);
+        Ok(if mapping.centre == Centre::Front { over.backwards() } else { over.mirrored(self.name).backwards() })
+    }
+
+    fn flat_tip_m(&self) -> DVec2 {
+        let dart = self.mapping.darts[0];
+        DVec2::new(dart.weft_m, dart.tip_m - self.mapping.from_m)
+    }
+
+    /// The dart's line at a height, on the cloth at rest: midway over what overlaps, or along the slit's borders where they gape.
+    fn dart_at(&self, height_m: f64) -> Result<DartAt, SkirtError> {
+        let borders = [self.border_at(0, height_m), self.border_at(1, height_m)];
+        let [Some((end, end_m)), Some((begin, begin_m))] = borders else {
+            return Err(SkirtError::Missed { piece: self.name, line: "dart", height_m });
+        };
+        if self.mapping.sense() * turned(begin, end) <= 0.0 {
+            return Ok(DartAt { angles_rad: [end, begin], flat_m: [end_m, begin_m] });
+        }
+        let middle = begin + 0.5 * turned(begin, end);
+        let flat_m = [self.flat_at("dart", 0, height_m, middle)?, self.flat_at("dart", 1, height_m, middle)?];
+        Ok(DartAt { angles_rad: [middle; 2], flat_m })
+    }
+
+    /// Where a border of the slit has come to a height: its angle and the place in the flat cloth.
+    fn border_at(&self, zone: usize, height_m: f64) -> Option<(f64, DVec2)> {
+        let middle_m = self.mapping.form.section(height_m).middle_m;
+        self.slit[zone].windows(2).find_map(|pair| {
+            let [from_m, to_m] = [pair[0], pair[1]].map(|v| self.rests_m[v as usize]);
+            let share = (from_m.y - height_m) / (from_m.y - to_m.y);
+            (0.0..=1.0).contains(&share).then(|| {
+                let at_m = from_m.lerp(to_m, share);
+                let [flat_from_m, flat_to_m] = [pair[0], pair[1]].map(|v| self.flat.places_m[v as usize]);
+                let turn = crate::form::angle_rad(DVec2::new(at_m.x, at_m.z) - middle_m);
+                (turn, flat_from_m.lerp(flat_to_m, share))
+            })
+        })
+    }
+
+    fn flat_at(&self, line: &'static str, zone: u32, height_m: f64, turn: f64) -> Result<DVec2, SkirtError> {
+        let middle = self.mapping.form.section(height_m).middle_m;
+        let middle_m = DVec3::new(middle.x, height_m, middle.y);
+        let on = |zone: u32| met(&self.flat, &self.rests_m, zone, middle_m, turn);
+        // Below the slit the zones' border may have shifted by a hair.
+        let found: Option<OnCloth> =
+            on(zone).or_else(|| (height_m <= self.mapping.darts[0].tip_m).then(|| on(1 - zone)).flatten());
+        found.map(|on| on.flat_m(&self.flat)).ok_or(SkirtError::Missed { piece: self.name, line, height_m })
+    }
+}
+
+/// The pattern of both halves and the same turned over for the left side, seams trued: their runs are made equally long, each by as little as the other.
+///
+/// # Errors
+/// When a line of the form meets no cloth.
+pub fn pattern(halves: &[Half; 2], places_apart_m: f64) -> Result<Pattern, SkirtError> {
+    let mut right = [halves[0].piece(places_apart_m)?, halves[1].piece(places_apart_m)?];
+    let at =
+        |piece: &Piece, name: &str| piece.runs.iter().position(|run| run.name == name).expect("every run is there");
+    // Dart legs keep their tip, sides and centre lines the hem.
+    for piece in &mut right {
+        let legs = [at(piece, "dart leg at the centre"), at(piece, "dart leg at the side")];
+        let long_m = 0.5 * legs.iter().map(|leg| piece.runs[*leg].length_m()).sum::<f64>();
+        for leg in legs {
+            let tip_end = usize::from(piece.runs[leg].places_m[0].y > piece.runs[leg].places_m[1].y);
+            lengthen(piece, leg, long_m, tip_end);
+        }
+    }
+    let sides = [at(&right[0], "side"), at(&right[1], "side")];
+    let long_m = 0.5 * (right[0].runs[sides[0]].length_m() + right[1].runs[sides[1]].length_m());
+    for (piece, side) in right.iter_mut().zip(sides) {
+        let hem_end = usize::from(piece.runs[side].places_m[0].y > piece.runs[side].places_m[1].y);
+        lengthen(piece, side, long_m, hem_end);
+    }
+    let [front, back] = right;
+    let pieces = vec![front.mirrored("left front"), back.mirrored("left back"), front, back];
+    let mut seams = Vec::new();
+    let run = |piece: usize, name: &str| [piece, at(&pieces[piece], name)];
+    for piece in 0..4 {
+        seams.push([run(piece, "dart leg at the centre"), run(piece, "dart leg at the side")]);
+    }
+    for (a, b, name) in [(0, 1, "side"), (2, 3, "side"), (0, 2, "centre"), (1, 3, "centre")] {
+        seams.push([run(a, name), run(b, name)]);
+    }
+    Ok(Pattern { pieces, seams })
+}
+
+/// Makes a run as long as asked; what begins or ends at its free end goes with it.
+fn lengthen(piece: &mut Piece, run: usize, length_m: f64, fixed: usize) {
+    piece.runs[run].make_length(length_m, fixed);
+    let count = piece.runs.len();
+    let places_m = &piece.runs[run].places_m;
+    if fixed == 1 {
+        let first_m = places_m[0];
+        *piece.runs[(run + count - 1) % count].places_m.last_mut().expect("a run has places") = first_m;
+    } else {
+        let last_m = places_m[places_m.len() - 1];
+        piece.runs[(run + 1) % count].places_m[0] = last_m;
+    }
+}
