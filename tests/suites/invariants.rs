@@ -113,11 +113,11 @@ fn rooms_stand_on_the_floors_below_them() {
     let drape: &[&[&str]] = &[
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet", "slit"],
         &["cloth_contact", "patches", "room", "slices", "triangle_tree", "woven"],
-        &["intersections", "links", "near_pairs", "pattern", "relax"],
-        &["body", "contacts", "repair"],
+        &["cut", "intersections", "links", "near_pairs", "pattern", "relax"],
+        &["body", "contacts", "repair", "sew"],
         &["certificate", "form"],
         &["drape", "mapping", "outline"],
-        &["rest"],
+        &["hands", "rest"],
         &["skirt"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];

@@ -61,10 +61,10 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 impl FormArgs {
-    /// A body's form as large as the paper's.
+    /// A body's form as fine as the paper's, down to below the knee, for skirts.
     pub fn of(body: MeshArgs, lines: Option<PathBuf>) -> FormArgs {
-        let Cut { sections, places, from } = Cut::default();
-        FormArgs { body, sections, places, from, lines }
+        let Cut { sections, places, .. } = Cut::default();
+        FormArgs { body, sections, places, from: 0.15, lines }
     }
 
     /// The body and its form, with the lines that were given.

@@ -18,6 +18,7 @@ mod inspect;
 mod leave_one_out;
 mod masks;
 mod new;
+mod pattern_files;
 mod places;
 mod play;
 mod pose_rows;

@@ -77,8 +77,9 @@ pub struct Drape {
     patches: Patches,
     links: Sorted<Link>,
     creases: Sorted<Crease>,
-    /// 0 of pinned particles; in the order of the patches.
+    /// 0 of pinned particles; in the order of the patches. And what it is where they are not pinned.
     inverse_kg: Vec<f64>,
+    free_inverse_kg: Vec<f64>,
     /// How far each keeps its neighbours, metres, in the order of the patches.
     apart_m: Vec<f64>,
     /// Places of pinned particles, ascending, and where they go.
@@ -86,6 +87,8 @@ pub struct Drape {
     /// Places of the particles that threads draw together, and those that springs draw somewhere.
     threads: Vec<[usize; 2]>,
     attached: Vec<(usize, Attachment)>,
+    /// Newtons.
+    most_pull_n: f64,
     /// As the sheet numbers them.
     triangles: Vec<[u32; 3]>,
     /// In the order of the patches.
@@ -212,14 +215,14 @@ impl Drape {
             |crease, by| Crease { corners: crease.corners.map(|corner| corner - by), ..*crease },
         );
         let masses_kg = links::masses_kg(sheet, woven);
-        let inverse_kg = patches.particle_at.iter().map(|&particle| {
-            let particle = particle as usize;
-            if sheet.pins()[particle].is_some() { 0.0 } else { 1.0 / masses_kg[particle] }
-        });
+        let free_inverse_kg: Vec<f64> =
+            patches.particle_at.iter().map(|&particle| 1.0 / masses_kg[particle as usize]).collect();
+        let mut inverse_kg = free_inverse_kg.clone();
         let mut pins_m: Vec<(usize, DVec3)> = (sheet.pins().iter().zip(0..))
             .filter_map(|(pin, particle)| pin.map(|to_m| (placed(particle) as usize, to_m)))
             .collect();
         pins_m.sort_by_key(|pin| pin.0);
+        pins_m.iter().for_each(|pin| inverse_kg[pin.0] = 0.0);
         let heights_m = links::heights_m(sheet);
         let places_m: Vec<DVec3> =
             patches.particle_at.iter().map(|&particle| sheet.positions_m()[particle as usize]).collect();
@@ -231,10 +234,12 @@ impl Drape {
             settings: *settings,
             links,
             creases,
-            inverse_kg: inverse_kg.collect(),
+            inverse_kg,
+            free_inverse_kg,
             pins_m,
             threads: sheet.pairs().iter().map(|pair| pair.map(|end| placed(end) as usize)).collect(),
             attached: sheet.attachments().iter().map(|&one| (placed(one.particle) as usize, one)).collect(),
+            most_pull_n: f64::INFINITY,
             triangles: sheet.triangles().to_vec(),
             near_pairs: NearPairs::new(&places_m, &placed_triangles),
             patches,
@@ -255,6 +260,32 @@ impl Drape {
         if let Ok(pin) = self.pins_m.binary_search_by_key(&place, |pin| pin.0) {
             self.pins_m[pin].1 = to_m;
         }
+    }
+
+    /// Holds a particle at a place from the next step on, whatever draws it.
+    pub fn hold(&mut self, particle: usize, to_m: DVec3) {
+        let place = self.patches.place_of[particle] as usize;
+        match self.pins_m.binary_search_by_key(&place, |pin| pin.0) {
+            Ok(pin) => self.pins_m[pin].1 = to_m,
+            Err(pin) => self.pins_m.insert(pin, (place, to_m)),
+        }
+        self.inverse_kg[place] = 0.0;
+    }
+
+    /// Lets a particle go that was held or pinned.
+    pub fn let_go(&mut self, particle: usize) {
+        let place = self.patches.place_of[particle] as usize;
+        if let Ok(pin) = self.pins_m.binary_search_by_key(&place, |pin| pin.0) {
+            self.pins_m.remove(pin);
+        }
+        self.inverse_kg[place] = self.free_inverse_kg[place];
+    }
+
+    /// Replaces all springs that draw particles somewhere; none draws harder than `most_n`, newtons.
+    pub fn attach(&mut self, attachments: &[Attachment], most_n: f64) {
+        let placed = |particle: u32| self.patches.place_of[particle as usize] as usize;
+        self.attached = attachments.iter().map(|&one| (placed(one.particle), one)).collect();
+        self.most_pull_n = most_n;
     }
 
     /// How it steps.
@@ -379,7 +410,7 @@ impl Drape {
             let way = to_m - places_m[place];
             places_m[place] += way / f64::from(left);
         }
-        self.hold(places_m, part_s);
+        self.keep_together(places_m, part_s);
         self.sew(places_m, before_m, part_s);
         let mut now = Part {
             places_m,
@@ -454,7 +485,7 @@ impl Drape {
 
     /// One pass over edges and creases, patches side by side, then what crosses them. Always in the same order: passes that go to and fro have
     /// two different ends, and cloth would never rest.
-    fn hold(&self, places_m: &mut [DVec3], part_s: f64) {
+    fn keep_together(&self, places_m: &mut [DVec3], part_s: f64) {
         let per_s2 = 1.0 / (part_s * part_s);
         let mut work: Vec<(usize, &mut [DVec3])> = self.patches.slices(places_m).into_iter().enumerate().collect();
         work.par_iter_mut().for_each(|(patch, places_m)| {
@@ -481,9 +512,10 @@ impl Drape {
             }
         }
         for &(place, Attachment { place_m, stiffness_n_per_m, .. }) in &self.attached {
-            let per_n = self.inverse_kg[place] * part_s * part_s * stiffness_n_per_m;
+            let per_n = self.inverse_kg[place] * part_s * part_s;
             let way = place_m - places_m[place];
-            places_m[place] += way * (per_n / (1.0 + per_n));
+            let pull = way * (stiffness_n_per_m / (1.0 + per_n * stiffness_n_per_m));
+            places_m[place] += pull.clamp_length_max(self.most_pull_n) * per_n;
         }
     }
 

@@ -7,9 +7,10 @@ use crate::drape::{Drape, Settings, State, strain};
 use crate::fabric::FabricError;
 use crate::form::Form;
 use crate::mapping::{Centre, Dart, Mapping, turned};
-use crate::outline::{OnCloth, met};
+use crate::outline::{OnCloth, in_flat, met};
 use crate::pattern::{Pattern, Piece, Run};
 use crate::rest::{Course, to_rest};
+use crate::sew::{SewError, sew};
 use crate::sheet::{PatternMesh, Sheet, SheetError};
 use crate::slit::{Flat, SlitError};
 use crate::woven::Woven;
@@ -88,6 +89,9 @@ pub enum SkirtError {
     /// Constants out of range.
     #[error(transparent)]
     Fabric(#[from] FabricError),
+    /// A pattern that cannot be sewn.
+    #[error(transparent)]
+    Sew(#[from] SewError),
 }
 
 /// Half of the front or of the back, laid on.
@@ -236,7 +240,7 @@ impl Half<'_> {
         let mut drape = Drape::new(&sheet, woven, settings)?;
         let mut state: State = drape.state(&sheet);
         state.positions_m.clone_from(&start_m);
-        let course = Course { free_s: 0.2, drag_per_s: [5.0, 15.0], ..Course::default() };
+        let course = Course { free_s: 0.3, drag_per_s: [5.0, 15.0, 100.0], ..Course::default() };
         let certificate = to_rest(&mut drape, &mut Some(body), &course, MOST_S, &mut state, &mut |_, _| ());
         self.strain_mean = strain(&sheet, &state.positions_m).0;
         self.rests_m = state.positions_m;
@@ -456,4 +460,99 @@ fn lengthen(piece: &mut Piece, run: usize, length_m: f64, fixed: usize) {
         let last_m = places_m[places_m.len() - 1];
         piece.runs[(run + 1) % count].places_m[0] = last_m;
     }
+}
+
+/// A skirt that was sewn from its pattern and draped again.
+#[derive(Clone, Debug)]
+pub struct Redraped {
+    /// Three particles each.
+    pub triangles: Vec<[u32; 3]>,
+    /// Where it began and where it has come to rest, metres.
+    pub began_m: Vec<DVec3>,
+    /// See above.
+    pub rests_m: Vec<DVec3>,
+    /// Of each particle its distance from the same place of the first drape, metres, ascending.
+    pub from_first_m: Vec<f64>,
+    /// Mean strain along warp and weft.
+    pub strain_mean: f64,
+    /// Least angle of a triangle, radians.
+    pub least_rad: f64,
+    /// Whether it rests.
+    pub certificate: Certificate,
+}
+
+/// Cuts and sews the pattern of [`pattern`], welds its seams, and drapes it on the same form, held at the waist as by its band. It begins `away_m` farther
+/// out than where the first drape was, so that it has to find its own way back.
+///
+/// # Errors
+/// When the pattern cannot be sewn or the cloth's constants are not in their ranges.
+pub fn redrape(
+    halves: &[Half; 2],
+    pattern: &Pattern,
+    edge_m: f64,
+    away_m: f64,
+    body: &Body,
+    woven: &Woven,
+    settings: &Settings,
+) -> Result<Redraped, SkirtError> {
+    let sewn = sew(pattern, edge_m, 0.0)?;
+    let first_m: Vec<DVec3> =
+        (0..sewn.places_m.len()).map(|v| on_first(halves, sewn.pieces[v], sewn.places_m[v])).collect();
+    let corners_uv: Vec<[DVec2; 3]> =
+        sewn.triangles.iter().map(|corners| corners.map(|v| sewn.places_m[v as usize])).collect();
+    let mut sheet = Sheet::from_pattern(&PatternMesh {
+        positions_m: &first_m,
+        triangles: &sewn.triangles,
+        corners_uv: &corners_uv,
+        metres_per_uv: 1.0,
+        welds: &sewn.welds,
+    })?;
+    let first_m = sheet.positions_m().to_vec();
+    let form = halves[0].mapping.form;
+    let mut began_m: Vec<DVec3> = first_m
+        .iter()
+        .map(|at_m| {
+            let out = DVec2::new(at_m.x, at_m.z) - form.section(at_m.y).middle_m;
+            let out = out.normalize_or_zero() * away_m;
+            *at_m + DVec3::new(out.x, 0.0, out.y)
+        })
+        .collect();
+    for (piece, runs) in pattern.pieces.iter().zip(&sewn.runs) {
+        for (run, vertices) in piece.runs.iter().zip(runs) {
+            if run.name.starts_with("waist") {
+                for &v in vertices {
+                    let particle = sheet.particle_of_vertex()[v as usize];
+                    began_m[particle as usize] = first_m[particle as usize];
+                    sheet.pin(particle, first_m[particle as usize])?;
+                }
+            }
+        }
+    }
+    let mut drape = Drape::new(&sheet, woven, settings)?;
+    let mut state = drape.state(&sheet);
+    state.positions_m.clone_from(&began_m);
+    let certificate = to_rest(&mut drape, &mut Some(body), &Course::default(), MOST_S, &mut state, &mut |_, _| ());
+    let mut from_first_m: Vec<f64> = first_m.iter().zip(&state.positions_m).map(|(a, b)| a.distance(*b)).collect();
+    from_first_m.sort_by(f64::total_cmp);
+    Ok(Redraped {
+        triangles: sheet.triangles().to_vec(),
+        began_m,
+        strain_mean: strain(&sheet, &state.positions_m).0,
+        rests_m: state.positions_m,
+        from_first_m,
+        least_rad: sewn.least_rad,
+        certificate,
+    })
+}
+
+/// Where a place of a piece of [`pattern`] was in the first drape: left pieces are the right ones turned over.
+fn on_first(halves: &[Half; 2], piece: usize, place_m: DVec2) -> DVec3 {
+    let [of, is_left] = [piece % 2, usize::from(piece < 2)];
+    let half = &halves[of];
+    // Right pieces of the front show the cloth's other side.
+    let turned_over = (of == 0) != (is_left == 1);
+    let flat_m = DVec2::new(if turned_over { -place_m.x } else { place_m.x }, place_m.y);
+    let zone = u32::from(flat_m.x > half.mapping.darts[0].weft_m);
+    let at_m = in_flat(&half.flat, zone, flat_m).map_or(DVec3::ZERO, |on| on.place_m(&half.flat, &half.rests_m));
+    if is_left == 1 { DVec3::new(2.0 * half.mapping.form.lines.centre_x_m - at_m.x, at_m.y, at_m.z) } else { at_m }
 }

@@ -5,7 +5,7 @@ use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
 use kitsuke_drape::drape::Settings;
 use kitsuke_drape::form::{Cut, Form, FormError, Lines, direction};
-use kitsuke_drape::skirt::{Design, SkirtError, laid_on, pattern};
+use kitsuke_drape::skirt::{Design, SkirtError, laid_on, pattern, redrape};
 use kitsuke_drape::woven::Woven;
 use std::f64::consts::{PI, TAU};
 
@@ -194,6 +194,15 @@ fn a_tight_skirt_is_draped_and_its_pattern_read_off() {
     // Her waist is a third thinner than her hip: with one dart to a quarter, cloth shears between them.
     assert!((waist_m / girth_m(form.lines.waist_m) - 1.0).abs() < 0.07, "{waist_m}");
     assert!(hem_m - waist_m > 0.1, "a waist is thinner than a hip");
+
+    // Cut, sewn and draped again.
+    let worn = Settings { pressure_n_per_m2: 0.0, ..settings };
+    let redraped = redrape(&halves, &pattern, 0.02, 0.01, &body, &woven, &worn).unwrap();
+    assert!(redraped.least_rad.to_degrees() > 15.0, "{}", redraped.least_rad.to_degrees());
+    let mean_m = redraped.from_first_m.iter().sum::<f64>() / redraped.from_first_m.len() as f64;
+    assert!(mean_m < 0.006 && redraped.strain_mean < 0.015, "{mean_m} {}", redraped.strain_mean);
+    let faults = [&redraped.certificate.self_crossings, &redraped.certificate.body_crossings];
+    assert!(redraped.certificate.inside.is_empty() && faults.iter().all(|f| f.is_empty()), "{}", redraped.certificate);
 
     let short = Form::of(&person(), &Cut { sections: 64, places: 64, from: 0.45 }).unwrap().skirt();
     assert!(matches!(laid_on(&short, &design, 0.002, 0.001), Err(SkirtError::Form { .. })));

@@ -26,7 +26,8 @@ pub fn measure(places: &Places, id: &str) -> Result<Vec<(&'static str, f64)>, St
         hanging.pin(particle as u32, at_m).map_err(|error| error.to_string())?;
     }
     let settings = Settings { drag_per_s: 0.1, clearance_m: 0.003, ..Settings::default() };
-    let alone = Settings { meets_itself: false, ..settings };
+    // As many parts as the peer's mean strain takes.
+    let alone = Settings { meets_itself: false, parts: 6, ..settings };
     let (step_ms, strain_mean) = stepped(&hanging, &alone, None, 300, 60)?;
     let (positions_m, triangles) = analytic_form::sphere(DVec3::Y, 0.25, 64);
     let ball = Body::new(&positions_m, &triangles).map_err(|error| error.to_string())?;

@@ -28,6 +28,8 @@ use std::time::Instant;
 
 /// Tenths of a second between two pictures.
 const FILMED: u64 = 10;
+/// Drag of what still trembles, see [`Course`].
+const TREMBLING_PER_S: f64 = 100.0;
 /// What a saved state begins with; a line that says of which scene it is follows.
 const STATE_OF: &str = "kitsuke drape-scene ";
 
@@ -81,6 +83,9 @@ pub struct Args {
     /// From the skirt's waist to its hem, millimetres
     #[arg(long, value_name = "MM", default_value_t = 550.0)]
     length: f64,
+    /// Seam allowance of the skirt's pattern, millimetres
+    #[arg(long, value_name = "MM", default_value_t = 10.0)]
+    allowance: f64,
     #[command(flatten)]
     places: Places,
 }
@@ -131,7 +136,7 @@ impl Scene {
         }
         let course = Course {
             moving_s: self.around.moves.as_ref().map_or(0.0, |moves| moves.seconds),
-            drag_per_s: [settings.drag_per_s, self.most_drag_per_s],
+            drag_per_s: [settings.drag_per_s, self.most_drag_per_s, TREMBLING_PER_S],
             ..Course::default()
         };
         Ok((drape, state, course))
@@ -142,7 +147,7 @@ impl Scene {
 pub fn run(args: Args) -> ExitCode {
     let Some(body) = &args.body else { return ended(draped(&args)) };
     let form = FormArgs::of(MeshArgs::of(body, args.unit), args.lines.clone());
-    ended(tight_skirt::draped(&form, 1e-3 * args.length, &args.out, args.json.as_deref()))
+    ended(tight_skirt::draped(&form, 1e-3 * args.length, args.allowance, &args.out, args.json.as_deref()))
 }
 
 fn draped(args: &Args) -> Result<(), String> {

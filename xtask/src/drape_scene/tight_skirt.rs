@@ -1,13 +1,14 @@
 //! The scene of the paper: a tight skirt draped on a wearer's form, its pattern, and the skirt that is sewn from it.
 
 use crate::form::FormArgs;
+use crate::pattern_files;
 use crate::places::{say, write_whole};
 use glam::{DVec2, DVec3, Vec3};
 use kitsuke_drape::body::Body;
 use kitsuke_drape::drape::Settings;
 use kitsuke_drape::form::Form;
 use kitsuke_drape::pattern::Pattern;
-use kitsuke_drape::skirt::{Design, Half, laid_on, pattern};
+use kitsuke_drape::skirt::{Design, Half, Redraped, laid_on, pattern, redrape};
 use kitsuke_drape::woven::Woven;
 use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
@@ -23,9 +24,17 @@ const CLEARANCE_M: f64 = 0.002;
 const THICKNESS_M: f64 = 0.001;
 /// How far marks on the form's lines are apart, metres.
 const MARKS_M: f64 = 0.01;
+/// How much farther out the sewn skirt begins than where the first drape was, metres.
+const AWAY_M: f64 = 0.01;
 
-/// Drapes a skirt of a length (metres) on a body's form and writes pictures and figures.
-pub fn draped(form: &FormArgs, length_m: f64, out: &Path, json: Option<&Path>) -> Result<(), String> {
+/// Drapes a skirt of a length (metres) on a body's form and writes its pattern with seam allowance, pictures and figures.
+pub fn draped(
+    form: &FormArgs,
+    length_m: f64,
+    allowance_mm: f64,
+    out: &Path,
+    json: Option<&Path>,
+) -> Result<(), String> {
     let (body, form) = form.make()?;
     let apart = form.apart(&body, form.arms_m);
     let taut = form.skirt();
@@ -60,8 +69,27 @@ pub fn draped(form: &FormArgs, length_m: f64, out: &Path, json: Option<&Path>) -
             piece.runs.iter().map(|run| format!("{} {:.1}", run.name, 1e3 * run.length_m())).collect();
         say!("{}: {} mm", piece.name, runs.join(", "));
     }
-    let pictures = pictures(&taut, &halves, &pattern)?;
+    let worn = Settings { pressure_n_per_m2: 0.0, ..settings };
+    let redraped = redrape(&halves, &pattern, design.cell_m, AWAY_M, &taut_body, &woven, &worn)
+        .map_err(|error| error.to_string())?;
+    let from_first_m = &redraped.from_first_m;
+    let (redrape_mean_m, redrape_p95_m) =
+        (from_first_m.iter().sum::<f64>() / from_first_m.len() as f64, from_first_m[from_first_m.len() * 95 / 100]);
+    say!(
+        "sewn from {} triangles of at least {:.0} degrees and draped again: {:.2} mm from the first drape on average, 95 % within {:.2}; {:.3} % mean strain: {}",
+        redraped.triangles.len(),
+        redraped.least_rad.to_degrees(),
+        1e3 * redrape_mean_m,
+        1e3 * redrape_p95_m,
+        1e2 * redraped.strain_mean,
+        redraped.certificate
+    );
+    let pictures = pictures(&taut, &halves, &pattern, &redraped)?;
     write_whole(&out.join("tight-skirt.png"), |out| out.write_all(&pictures))?;
+    let svg = pattern_files::svg(&pattern, allowance_mm);
+    write_whole(&out.join("pattern.svg"), |out| out.write_all(svg.as_bytes()))?;
+    let dxf = pattern_files::dxf(&pattern, allowance_mm)?;
+    write_whole(&out.join("pattern.dxf"), |out| out.write_all(&dxf))?;
     if let Some(path) = json {
         let worst = |of: fn(&Half) -> f64| halves.iter().map(of).fold(0.0, f64::max);
         let figures = serde_json::json!({
@@ -72,13 +100,20 @@ pub fn draped(form: &FormArgs, length_m: f64, out: &Path, json: Option<&Path>) -
             "front_dart_mm": 1e3 * halves[0].mapping.darts[0].amount_m,
             "back_dart_mm": 1e3 * halves[1].mapping.darts[0].amount_m,
             "seam_length_max_mm": 1e3 * seam_length_max_m,
+            "redrape_mean_mm": 1e3 * redrape_mean_m,
+            "redrape_p95_mm": 1e3 * redrape_p95_m,
+            "redrape_strain_mean": redraped.strain_mean,
+            "least_angle_deg": redraped.least_rad.to_degrees(),
+            "certified": redraped.certificate.is_certified(),
+            "inside": redraped.certificate.inside.len(),
+            "self_pairs": redraped.certificate.self_crossings.len(),
         });
         write_whole(path, |out| writeln!(out, "{figures:#}"))?;
     }
     Ok(())
 }
 
-fn pictures(form: &Form, halves: &[Half; 2], pattern: &Pattern) -> Result<Vec<u8>, String> {
+fn pictures(form: &Form, halves: &[Half; 2], pattern: &Pattern, redraped: &Redraped) -> Result<Vec<u8>, String> {
     let mut cells = Vec::new();
     for (name, side) in [("front", Vec3::Z), ("right side", Vec3::NEG_X), ("behind", Vec3::NEG_Z)] {
         for (when, at) in [("laid on", 0), ("at rest", 1)] {
@@ -94,6 +129,17 @@ fn pictures(form: &Form, halves: &[Half; 2], pattern: &Pattern) -> Result<Vec<u8
         }
     }
     cells.push(Cell { caption: "pattern".to_owned(), picture: flat_picture(pattern) });
+    let sewn =
+        |places_m| Drawn { places_m, triangles: &redraped.triangles, colours: vec![CLOTH[0]; redraped.rests_m.len()] };
+    for (caption, places_m, side) in [
+        ("sewn, as it begins", &redraped.began_m, Vec3::Z),
+        ("sewn, at rest, front", &redraped.rests_m, Vec3::Z),
+        ("sewn, at rest, right side", &redraped.rests_m, Vec3::NEG_X),
+        ("sewn, at rest, behind", &redraped.rests_m, Vec3::NEG_Z),
+        ("sewn, at rest, from the left", &redraped.rests_m, Vec3::new(0.8, 0.3, 0.6)),
+    ] {
+        cells.push(Cell { caption: caption.to_owned(), picture: dressed(form, &[sewn(places_m)], side) });
+    }
     png_bytes(&contact_sheet(&cells, 4)).map_err(|error| error.to_string())
 }
 
