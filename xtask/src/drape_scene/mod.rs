@@ -28,8 +28,6 @@ use std::time::Instant;
 
 /// Tenths of a second between two pictures.
 const FILMED: u64 = 10;
-/// Drag of what still trembles, see [`Course`].
-const TREMBLING_PER_S: f64 = 100.0;
 /// What a saved state begins with; a line that says of which scene it is follows.
 const STATE_OF: &str = "kitsuke drape-scene ";
 
@@ -100,8 +98,8 @@ pub struct Scene {
     pub target_m: Option<Vec<DVec3>>,
     /// Parts of a step that it needs: the finer the cloth, the more, or it stretches and hangs lower than it is stiff.
     pub parts: u32,
-    /// Drag with which it comes to rest, see [`Course`].
-    pub most_drag_per_s: f64,
+    /// Drag with which what swings comes to rest, and what trembles, see [`Course`].
+    pub drag_per_s: [f64; 2],
     /// What is measured where the cloth lies.
     pub figures: Option<Measure>,
 }
@@ -121,7 +119,7 @@ impl Scene {
             start_m: None,
             target_m: None,
             parts: 4,
-            most_drag_per_s: 10.0,
+            drag_per_s: [10.0, 100.0],
             figures: None,
         }
     }
@@ -136,7 +134,7 @@ impl Scene {
         }
         let course = Course {
             moving_s: self.around.moves.as_ref().map_or(0.0, |moves| moves.seconds),
-            drag_per_s: [settings.drag_per_s, self.most_drag_per_s, TREMBLING_PER_S],
+            drag_per_s: [settings.drag_per_s, self.drag_per_s[0], self.drag_per_s[1]],
             ..Course::default()
         };
         Ok((drape, state, course))
