@@ -86,6 +86,67 @@ fn what_is_no_scene_and_what_is_no_state_are_told() {
 }
 
 #[test]
+fn a_scene_takes_its_own_options_and_says_which_are_not_its() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = repository().join("assets-src/bodies/b04.glb");
+    let body = body.to_str().unwrap();
+    for (arguments, wanted) in [
+        (vec!["kimono", "--body", body], "--body has no meaning for the scene kimono, only for tight-skirt"),
+        (vec!["sphere", "--unit", "mm"], "--unit has no meaning for the scene sphere"),
+        (vec!["twist", "--lines", "form.toml"], "--lines has no meaning for the scene twist"),
+        (vec!["layers", "--length", "550"], "--length has no meaning for the scene layers"),
+        (vec!["hanging", "--allowance", "10"], "--allowance has no meaning for the scene hanging"),
+        (vec!["sphere", "--pose", "A"], "--pose has no meaning for the scene sphere, only for kimono: leave it out"),
+        (vec!["tight-skirt", "--body", body, "--start", "1"], "--start has no meaning for the scene tight-skirt"),
+    ] {
+        let Some(mut command) = drape_scene(&arguments, folder.path()) else { return };
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(errors(&output).contains(wanted), "{}", errors(&output));
+    }
+    assert!(fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing was made");
+}
+
+#[test]
+fn a_skirt_that_does_not_rest_says_which_part_and_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = repository().join("assets-src/bodies/b04.glb");
+    let arguments = ["tight-skirt", "--body", body.to_str().unwrap(), "--seconds", "0.1"];
+    let Some(mut command) = drape_scene(&arguments, folder.path()) else { return };
+    let output = command.output().unwrap();
+    let errors = errors(&output);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    for part in ["right front", "right back", "the sewn skirt"] {
+        assert!(errors.contains(&format!("{part} does not come to certified rest:")), "{errors}");
+    }
+    assert!(errors.contains("mm/s, at most 1.000 is rest"), "{errors}");
+    assert_eq!(figures(folder.path())["certified"], false);
+    assert!(folder.path().join("tight-skirt.png").is_file(), "what does not rest is shown as well");
+}
+
+#[test]
+fn darts_of_both_kinds_rest_nearly_at_the_same_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = repository().join("assets-src/bodies/b04.glb");
+    let arguments = ["darts", "--body", body.to_str().unwrap(), "--length", "450"];
+    let Some(mut command) = drape_scene(&arguments, folder.path()) else { return };
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    let found = figures(folder.path());
+    let at = |key: &str| found[key].as_f64().unwrap();
+    assert!(found["certified"] == true && found["inside"] == 0 && found["self_pairs"] == 0, "{found}");
+    for kinds in ["kinds", "two_kinds"] {
+        assert!((0.01..1.0).contains(&at(&format!("{kinds}_mean_mm"))), "{found}");
+    }
+    for name in ["overlapping", "removed", "two_overlapping", "two_removed"] {
+        assert!(at(&format!("{name}_arc_error_max")) < 1e-3 && at(&format!("{name}_strain_mean")) < 0.01, "{found}");
+    }
+    assert!((at("overlapping_back_dart_mm") - 2.0 * at("two_removed_back_dart_mm")).abs() < 1e-6);
+    assert!(at("redrape_mean_mm") < 3.0 && at("redrape_p95_mm") < 10.0, "{found}");
+    assert!(fs::read(folder.path().join("darts.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
 #[cfg(unix)]
 fn an_interrupted_scene_goes_on_with_the_same_bytes() {
     let [whole, parted] = [(); 2].map(|()| tempfile::tempdir().unwrap());

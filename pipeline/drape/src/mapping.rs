@@ -20,15 +20,34 @@ pub enum Centre {
     Back,
 }
 
-/// A dart that a slit along the warp makes by overlapping.
+/// What becomes of the cloth that a dart takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DartKind {
+    /// It stays: what is beyond the slit lies on it.
+    Overlapping,
+    /// It is cut away beforehand, as much on either side of the slit, and the edges are sewn.
+    Removed,
+}
+
+/// A dart of a slit along the warp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dart {
+    /// Whether it overlaps.
+    pub kind: DartKind,
     /// The slit's place along the weft, metres from the centre line.
     pub weft_m: f64,
     /// Height on the form where it ends below, metres.
     pub tip_m: f64,
-    /// What overlaps at the waist, metres.
+    /// What it takes at the waist, metres.
     pub amount_m: f64,
+    /// The angles at which what is beyond it begins at its tip and at the waist (eq. 2-10).
+    begins_rad: [f64; 2],
+}
+
+/// What lies below a zone along a section: the zone before a dart, to where it ends, and how far the cloth beyond has risen onto it, 0 to 1.
+struct Below {
+    end_rad: f64,
+    rise: f64,
 }
 
 /// How cloth is laid on.
@@ -61,25 +80,72 @@ impl Mapping<'_> {
         DVec3::new(at.x, height_m, at.y)
     }
 
-    /// Its angle, and how far it has risen onto the layer below it, 0 to 1.
+    /// Divides what is beyond the last dart by another one, which takes so much at the waist.
+    pub fn add_dart(&mut self, kind: DartKind, weft_m: f64, tip_m: f64, amount_m: f64) {
+        let zone = self.darts.len() as u32;
+        let turn_at = |height_m: f64, weft_m: f64| {
+            self.turn(&self.form.section(height_m).grown(self.out_m), height_m, weft_m, zone).0
+        };
+        let begins_rad = [turn_at(tip_m, weft_m), turn_at(self.form.lines.waist_m, weft_m - amount_m)];
+        self.darts.push(Dart { kind, weft_m, tip_m, amount_m, begins_rad });
+    }
+
+    /// What the n-th dart takes at a height, metres along the weft: what its zones would overlap.
+    #[must_use]
+    pub fn taken_m(&self, dart: usize, height_m: f64) -> f64 {
+        let section = self.form.section(height_m).grown(self.out_m);
+        let (begin, _, below) = self.begun(&section, height_m, dart as u32 + 1);
+        (self.sense() * section.arc_m(begin, below[dart].end_rad)).max(0.0)
+    }
+
+    /// Its angle, and how far it has risen onto the layers below it, in layers.
     fn turn(&self, section: &Section, height_m: f64, weft_m: f64, zone: u32) -> (f64, f64) {
-        let Some(dart) = zone.checked_sub(1).map(|before| self.darts[before as usize]) else {
-            return (section.angle_after(self.centre_rad(section), self.sense() * weft_m), 0.0);
+        let (begin, begin_m, below) = self.begun(section, height_m, zone);
+        let turn = self.walked(section, &below, begin, weft_m - begin_m);
+        (turn, self.risen(section, &below, turn))
+    }
+
+    /// The angle and the weft at which a zone begins, and what lies below it: it begins where the one before ends, but above the dart's tip earlier by as
+    /// much as is taken (eq. 2-10).
+    fn begun(&self, section: &Section, height_m: f64, zone: u32) -> (f64, f64, Vec<Below>) {
+        let (mut begin, mut begin_m, mut below) = (self.centre_rad(section), 0.0, Vec::new());
+        for dart in &self.darts[..zone as usize] {
+            let end = self.walked(section, &below, begin, dart.weft_m - begin_m);
+            (begin, begin_m) = (end, dart.weft_m);
+            if height_m > dart.tip_m {
+                let [from, to] = dart.begins_rad;
+                let earlier =
+                    from + turned(from, to) * (height_m - dart.tip_m) / (self.form.lines.waist_m - dart.tip_m);
+                // Over a belly the zone before ends sooner than that: it does not overlap there, but it does not gape, either.
+                begin = if self.sense() * turned(earlier, end) < 0.0 { end } else { earlier };
+            }
+            let rise = match dart.kind {
+                DartKind::Overlapping => ((height_m - dart.tip_m) / RISE_M).clamp(0.0, 1.0),
+                DartKind::Removed => 0.0,
+            };
+            below.push(Below { end_rad: end, rise });
+        }
+        (begin, begin_m, below)
+    }
+
+    /// How many layers lie below an angle; beyond where they end cloth sinks again.
+    fn risen(&self, section: &Section, below: &[Below], turn: f64) -> f64 {
+        let share = |layer: &Below| {
+            let beyond_m = self.sense() * section.arc_m(layer.end_rad, turn);
+            layer.rise * (1.0 - beyond_m / SINK_M).clamp(0.0, 1.0)
         };
-        let mut turn = self.zone_begin(section, height_m, zone);
-        let end = self.turn(section, height_m, dart.weft_m, zone - 1).0;
-        let rise = ((height_m - dart.tip_m) / RISE_M).clamp(0.0, 1.0);
-        let risen = |turn: f64| {
-            // Where the zone before lies below it.
-            let beyond_m = self.sense() * section.arc_m(end, turn);
-            rise * (1.0 - beyond_m / SINK_M).clamp(0.0, 1.0)
-        };
-        let place_m = |turn: f64| direction(turn) * (section.radius_m(turn) + risen(turn) * self.layer_m);
+        below.iter().filter(|layer| layer.rise > 0.0).map(share).sum()
+    }
+
+    /// The angle after so much weft, metres, on what lies below.
+    fn walked(&self, section: &Section, below: &[Below], from_rad: f64, weft_m: f64) -> f64 {
+        let place_m =
+            |turn: f64| direction(turn) * (section.radius_m(turn) + self.risen(section, below, turn) * self.layer_m);
         // Where cloth rises or sinks it goes inwards or outwards, too: short steps, each as long as it should be.
-        let mut left_m = weft_m - dart.weft_m;
+        let (mut turn, mut left_m) = (from_rad, weft_m);
         while left_m.abs() > 1e-9 {
-            if risen(turn) == 0.0 {
-                return (section.angle_after(turn, self.sense() * left_m), 0.0);
+            if self.risen(section, below, turn) == 0.0 {
+                return section.angle_after(turn, self.sense() * left_m);
             }
             let step_m = left_m.clamp(-STEP_M, STEP_M);
             let mut along_m = step_m;
@@ -91,23 +157,7 @@ impl Mapping<'_> {
             turn = next;
             left_m -= step_m;
         }
-        (turn, risen(turn))
-    }
-
-    /// The angle at which a zone begins: where the one before ends, but above the dart's tip earlier by as much as is overlapped (eq. 2-10).
-    fn zone_begin(&self, section: &Section, height_m: f64, zone: u32) -> f64 {
-        let dart = self.darts[zone as usize - 1];
-        if height_m <= dart.tip_m {
-            return self.turn(section, height_m, dart.weft_m, zone - 1).0;
-        }
-        let section_at = |height_m: f64| self.form.section(height_m).grown(self.out_m);
-        let (tip_m, waist_m) = (dart.tip_m, self.form.lines.waist_m);
-        let end = self.turn(&section_at(tip_m), tip_m, dart.weft_m, zone - 1).0;
-        let at_waist = self.turn(&section_at(waist_m), waist_m, dart.weft_m - dart.amount_m, zone - 1).0;
-        let begin = end + turned(end, at_waist) * (height_m - tip_m) / (waist_m - tip_m);
-        // Over a belly the zone before ends sooner than that: it does not overlap there, but it does not gape, either.
-        let ends = self.turn(section, height_m, dart.weft_m, zone - 1).0;
-        if self.sense() * turned(begin, ends) < 0.0 { ends } else { begin }
+        turn
     }
 
     /// The angle of the centre line.

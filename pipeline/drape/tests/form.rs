@@ -5,7 +5,9 @@ use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
 use kitsuke_drape::drape::Settings;
 use kitsuke_drape::form::{Cut, Form, FormError, Lines, direction};
-use kitsuke_drape::skirt::{Design, SkirtError, laid_on, pattern, redrape};
+use kitsuke_drape::mapping::DartKind;
+use kitsuke_drape::sew::sew;
+use kitsuke_drape::skirt::{Design, Draping, SkirtError, apart_m, laid_on, pattern, redrape};
 use kitsuke_drape::woven::Woven;
 use std::f64::consts::{PI, TAU};
 
@@ -168,9 +170,10 @@ fn a_tight_skirt_is_draped_and_its_pattern_read_off() {
     let mut halves = laid_on(&form, &design, 0.002, 0.003).unwrap();
     let woven = Woven { thickness_m: 0.001, body_friction: 0.5, ..Woven::default() };
     let settings = Settings { clearance_m: 0.002, pressure_n_per_m2: 20.0, ..Settings::default() };
+    let draping = Draping { body: &body, woven: &woven, settings, most_s: 6.0 };
     for half in &mut halves {
         assert!(half.arc_error_max < 1e-3, "{}: {}", half.name, half.arc_error_max);
-        let certificate = half.relax(&body, &woven, &settings).unwrap();
+        let certificate = half.relax(&draping).unwrap();
         assert!(certificate.is_certified(), "{certificate}");
         assert!(half.strain_mean < 0.01, "{}", half.strain_mean);
     }
@@ -190,14 +193,14 @@ fn a_tight_skirt_is_draped_and_its_pattern_read_off() {
     let girth_m = |height_m: f64| form.section(height_m).grown(0.002).girth_m();
     let hem_m = around_m(&["hem"]);
     assert!((hem_m / girth_m(form.lines.waist_m - 0.45) - 1.0).abs() < 0.01, "{hem_m}");
-    let waist_m = around_m(&["waist to the centre", "waist to the side"]);
+    let waist_m = around_m(&["waist 1", "waist 2"]);
     // Her waist is a third thinner than her hip: with one dart to a quarter, cloth shears between them.
     assert!((waist_m / girth_m(form.lines.waist_m) - 1.0).abs() < 0.07, "{waist_m}");
     assert!(hem_m - waist_m > 0.1, "a waist is thinner than a hip");
 
     // Cut, sewn and draped again.
-    let worn = Settings { pressure_n_per_m2: 0.0, ..settings };
-    let redraped = redrape(&halves, &pattern, 0.02, 0.01, &body, &woven, &worn).unwrap();
+    let worn = Draping { settings: Settings { pressure_n_per_m2: 0.0, ..settings }, ..draping };
+    let redraped = redrape(&halves, &pattern, 0.02, 0.01, &worn).unwrap();
     assert!(redraped.least_rad.to_degrees() > 15.0, "{}", redraped.least_rad.to_degrees());
     let mean_m = redraped.from_first_m.iter().sum::<f64>() / redraped.from_first_m.len() as f64;
     assert!(mean_m < 0.006 && redraped.strain_mean < 0.015, "{mean_m} {}", redraped.strain_mean);
@@ -206,4 +209,53 @@ fn a_tight_skirt_is_draped_and_its_pattern_read_off() {
 
     let short = Form::of(&person(), &Cut { sections: 64, places: 64, from: 0.45 }).unwrap().skirt();
     assert!(matches!(laid_on(&short, &design, 0.002, 0.001), Err(SkirtError::Form { .. })));
+}
+
+/// Darts that overlap and darts whose cloth is cut away, two to a quarter: both rest, nearly at the same places, and their patterns can be sewn.
+#[test]
+fn darts_overlap_or_are_removed_one_or_more_to_a_quarter() {
+    let form = Form::of(&person(), &Cut { sections: 200, places: 128, from: 0.2 }).unwrap().skirt();
+    let (mesh_m, corners) = form.mesh(0.0);
+    let body = Body::new(&mesh_m, &corners).unwrap();
+    let design = Design { length_m: 0.35, cell_m: 0.015, ..Design::default() };
+    let woven = Woven { thickness_m: 0.001, body_friction: 0.5, ..Woven::default() };
+    let settings = Settings { clearance_m: 0.002, pressure_n_per_m2: 20.0, ..Settings::default() };
+    let draping = Draping { body: &body, woven: &woven, settings, most_s: 6.0 };
+    for (design, darts) in [(design.clone(), 1), (design.clone().with_pairs(), 2)] {
+        let [overlapping, removed] = [DartKind::Overlapping, DartKind::Removed].map(|kind| {
+            let mut halves = laid_on(&form, &design.clone().with(kind), 0.002, 0.002).unwrap();
+            for half in &mut halves {
+                assert_eq!(half.mapping.darts.len(), darts);
+                assert!(half.arc_error_max < 1e-3, "{kind:?} {darts} {}: {}", half.name, half.arc_error_max);
+                let certificate = half.relax(&draping).unwrap();
+                assert!(certificate.is_certified(), "{kind:?} {darts} {}: {certificate}", half.name);
+                assert!(half.strain_mean < 0.02, "{kind:?} {darts} {}: {}", half.name, half.strain_mean);
+            }
+            let pattern = pattern(&halves, 0.01).unwrap();
+            assert_eq!(pattern.seams.len(), 4 * darts + 4);
+            pattern.pieces.iter().for_each(|piece| piece.check().unwrap());
+            assert!(pattern.seams.iter().all(|seam| pattern.unequal_m(*seam) < 5e-4));
+            assert!(sew(&pattern, 0.02, 0.0).is_ok());
+            halves
+        });
+        for ((over, removed), amounts) in overlapping.iter().zip(&removed).zip(&design.darts) {
+            let apart = apart_m(over, removed);
+            let mean_m = apart.iter().sum::<f64>() / apart.len() as f64;
+            assert!(apart.len() > 300 && mean_m < 0.003, "{darts} {}: {mean_m} of {}", over.name, apart.len());
+            // What is removed is as wide at the waist as what overlaps.
+            let waist_m = form.lines.waist_m;
+            for (number, plan) in amounts.iter().enumerate() {
+                let [taken, wanted] = [removed.mapping.taken_m(number, waist_m), over.mapping.darts[number].amount_m];
+                assert!(
+                    (taken - wanted).abs() < 1e-4 + 0.02 * wanted && plan.kind == DartKind::Overlapping,
+                    "{taken} {wanted}"
+                );
+                assert_eq!(removed.mapping.taken_m(number, removed.mapping.darts[number].tip_m), 0.0);
+            }
+        }
+    }
+    let mut close = design.with_pairs();
+    close.darts[1][1].at = close.darts[1][0].at + 0.02;
+    let error = laid_on(&form, &close, 0.002, 0.002).unwrap_err();
+    assert!(error.to_string().starts_with("dart 2 of the right back at 0.35 of the waist"), "{error}");
 }

@@ -2,9 +2,11 @@
 
 mod around;
 mod curves;
+mod darts;
 mod energy;
 pub mod kimono;
 mod laboratory;
+mod on_form;
 mod picture;
 mod plain;
 mod tight_skirt;
@@ -20,6 +22,7 @@ use kitsuke_drape::rest::{Course, go_on, is_still, simulated_s, to_rest};
 use kitsuke_drape::sheet::Sheet;
 use kitsuke_drape::woven::{PRESETS, Woven};
 use kitsuke_pipeline::source::units::LengthUnit;
+use on_form::OnForm;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -34,32 +37,33 @@ const STATE_OF: &str = "kitsuke drape-scene ";
 /// Let cloth fall and come to certified rest, and show it
 ///
 /// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers,
-/// cantilever and drape-coefficient (of textile laboratories, with what they measure), tight-skirt (on the form of --body, with its pattern).
+/// cantilever and drape-coefficient (of textile laboratories, with what they measure), tight-skirt (on the form of --body, with its pattern), darts
+/// (the same with darts that overlap and darts whose cloth is cut away, one and two to a quarter).
 /// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
 /// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene
-    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "tight-skirt"])]
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "tight-skirt", "darts"])]
     scene: String,
-    /// Which kimono
-    #[arg(long, default_value = "komon")]
-    id: String,
+    /// Which kimono [default: komon]
+    #[arg(long)]
+    id: Option<String>,
     /// Take the wearer from the T-pose to a pose of the kimono's table and say how far the cloth then lies from that target
     #[arg(long, value_name = "NAME")]
     pose: Option<String>,
-    /// Which displaced start of the kimono
-    #[arg(long, default_value_t = 0)]
-    start: u32,
-    /// How far the start is displaced, millimetres
-    #[arg(long, value_name = "MM", default_value_t = 30.0)]
-    displaced: f64,
-    /// The cloth
-    #[arg(long, default_value = "chirimen", value_parser = PRESETS.map(|preset| preset.0))]
-    cloth: String,
-    /// Most seconds to simulate
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
-    seconds: f64,
+    /// Which displaced start of the kimono [default: 0]
+    #[arg(long)]
+    start: Option<u32>,
+    /// How far the start is displaced, millimetres [default: 30]
+    #[arg(long, value_name = "MM")]
+    displaced: Option<f64>,
+    /// The cloth [default: chirimen; yukata for what is draped on a form]
+    #[arg(long, value_parser = PRESETS.map(|preset| preset.0))]
+    cloth: Option<String>,
+    /// Most seconds to simulate [default: 10; 6 for each drape on a form]
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
     /// Parts of a step of 1/600 s: more stretch less and take longer [default: what the scene needs]
     #[arg(long)]
     parts: Option<u32>,
@@ -70,7 +74,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// The body on whose form the skirt is draped, a closed mesh that stands upright
-    #[arg(long, value_name = "FILE", required_if_eq("scene", "tight-skirt"))]
+    #[arg(long, value_name = "FILE", required_if_eq_any([("scene", "tight-skirt"), ("scene", "darts")]))]
     body: Option<PathBuf>,
     /// The body's unit, where its file does not say it
     #[arg(long, value_parser = unit)]
@@ -78,12 +82,12 @@ pub struct Args {
     /// Lines of the form that are known better than the rules find them, see `form`
     #[arg(long, value_name = "FILE.toml")]
     lines: Option<PathBuf>,
-    /// From the skirt's waist to its hem, millimetres
-    #[arg(long, value_name = "MM", default_value_t = 550.0)]
-    length: f64,
-    /// Seam allowance of the skirt's pattern, millimetres
-    #[arg(long, value_name = "MM", default_value_t = 10.0)]
-    allowance: f64,
+    /// From the skirt's waist to its hem, millimetres [default: 550]
+    #[arg(long, value_name = "MM")]
+    length: Option<f64>,
+    /// Seam allowance of the skirt's pattern, millimetres [default: 10]
+    #[arg(long, value_name = "MM")]
+    allowance: Option<f64>,
     #[command(flatten)]
     places: Places,
 }
@@ -143,15 +147,73 @@ impl Scene {
 
 /// Simulates; 1 when something cannot be read or written, or the cloth does not come to certified rest.
 pub fn run(args: Args) -> ExitCode {
-    let Some(body) = &args.body else { return ended(draped(&args)) };
-    let form = FormArgs::of(MeshArgs::of(body, args.unit), args.lines.clone());
-    ended(tight_skirt::draped(&form, 1e-3 * args.length, args.allowance, &args.out, args.json.as_deref()))
+    ended(args.check().and_then(|()| match args.scene.as_str() {
+        "tight-skirt" => tight_skirt::draped(&args.on_form(), args.allowance.unwrap_or(10.0)),
+        "darts" => darts::draped(&args.on_form()),
+        _ => draped(&args),
+    }))
+}
+
+impl Args {
+    /// Whether the scene has a meaning for every option that is given.
+    fn check(&self) -> Result<(), String> {
+        const KIMONO: &[&str] = &["kimono"];
+        const FALLING: &[&str] = &["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient"];
+        const ON_FORM: &[&str] = &["tight-skirt", "darts"];
+        let options = [
+            ("--id", self.id.is_some(), KIMONO),
+            ("--pose", self.pose.is_some(), KIMONO),
+            ("--start", self.start.is_some(), KIMONO),
+            ("--displaced", self.displaced.is_some(), KIMONO),
+            ("--parts", self.parts.is_some(), FALLING),
+            ("--body", self.body.is_some(), ON_FORM),
+            ("--unit", self.unit.is_some(), ON_FORM),
+            ("--lines", self.lines.is_some(), ON_FORM),
+            ("--length", self.length.is_some(), ON_FORM),
+            ("--allowance", self.allowance.is_some(), &["tight-skirt"]),
+        ];
+        for (option, is_given, scenes) in options {
+            if is_given && !scenes.contains(&self.scene.as_str()) {
+                return Err(format!(
+                    "{option} has no meaning for the scene {}, only for {}: leave it out",
+                    self.scene,
+                    scenes.join(", ")
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Which one, which start of it, and how far that is displaced, millimetres.
+    fn kimono(&self) -> (&str, u32, f64) {
+        (self.id.as_deref().unwrap_or("komon"), self.start.unwrap_or(0), self.displaced.unwrap_or(30.0))
+    }
+
+    fn woven(&self, default: &str) -> Woven {
+        Woven::preset(self.cloth.as_deref().unwrap_or(default)).expect("clap allows presets only")
+    }
+
+    fn on_form(&self) -> OnForm<'_> {
+        let body = self.body.as_ref().expect("clap wants it of scenes on a form");
+        OnForm {
+            form: FormArgs::of(MeshArgs::of(body, self.unit), self.lines.clone()),
+            woven: self.woven("yukata"),
+            length_m: 1e-3 * self.length.unwrap_or(550.0),
+            most_s: self.seconds.unwrap_or(6.0),
+            out: &self.out,
+            json: self.json.as_deref(),
+        }
+    }
 }
 
 fn draped(args: &Args) -> Result<(), String> {
-    let woven = Woven::preset(&args.cloth).expect("clap allows presets only");
+    let woven = args.woven("chirimen");
+    let most_s = args.seconds.unwrap_or(10.0);
     let mut scene = match args.scene.as_str() {
-        "kimono" => kimono::scene(&args.places, &args.id, args.start, args.displaced * 1e-3, args.pose.as_deref())?,
+        "kimono" => {
+            let (id, start, displaced_mm) = args.kimono();
+            kimono::scene(&args.places, id, start, 1e-3 * displaced_mm, args.pose.as_deref())?
+        }
         name => plain::scene(name, &woven)?,
     };
     let settings = Settings { parts: args.parts.unwrap_or(scene.parts), ..Settings::default() };
@@ -172,7 +234,7 @@ fn draped(args: &Args) -> Result<(), String> {
     let mut lowest_j = f64::INFINITY;
     let mut film = vec![picture::Frame::of(&scene, &state, &settings)];
     let started = Instant::now();
-    let most_steps = (args.seconds / settings.step_s) as u64;
+    let most_steps = (most_s / settings.step_s) as u64;
     let mut certificate = None;
     let mut last = Stepped::default();
     let mut tenths = 0;
@@ -252,7 +314,7 @@ fn draped(args: &Args) -> Result<(), String> {
         say!("{certificate}; {waiting} particles wait at their bounds");
         return Ok(());
     }
-    Err(format!("the cloth does not come to certified rest in {} s:\n{certificate}", args.seconds))
+    Err(format!("the cloth does not come to certified rest in {most_s} s:\n{certificate}"))
 }
 
 /// Lets a scene come to rest without a word, within so many simulated seconds, and says whether it does.
@@ -263,10 +325,12 @@ pub fn rested(scene: &mut Scene, woven: &Woven, settings: &Settings, seconds: f6
 
 /// Of what a saved state is: all that decides how it goes on.
 fn of_state(args: &Args, settings: &Settings) -> String {
-    let Args { scene, id, pose, start, displaced, cloth, .. } = args;
+    let Args { scene, pose, .. } = args;
+    let cloth = args.cloth.as_deref().unwrap_or("chirimen");
     let mut of = format!("{scene} --cloth {cloth} --parts {}", settings.parts);
     if scene == "kimono" {
-        of += &format!(" --id {id} --start {start} --displaced {displaced}");
+        let (id, start, displaced_mm) = args.kimono();
+        of += &format!(" --id {id} --start {start} --displaced {displaced_mm}");
         of += &pose.as_ref().map_or(String::new(), |pose| format!(" --pose {pose}"));
     }
     of
