@@ -147,6 +147,22 @@ fn darts_of_both_kinds_rest_nearly_at_the_same_places() {
 }
 
 #[test]
+fn a_bag_is_cut_and_sewn_with_ease_and_hangs() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(mut command) = drape_scene(&["sewing"], folder.path()) else { return };
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    let found = figures(folder.path());
+    let at = |key: &str| found[key].as_f64().unwrap();
+    assert!(found["certified"] == true && at("seams") == 4.0, "{found}");
+    assert!(at("seam_unequal_max_mm") < 0.5 && (at("eased_mm") - 4.0).abs() < 1e-6, "{found}");
+    // A bag with one rim: every other edge has two triangles.
+    assert!(at("branching_edges") == 0.0 && at("euler") == 1.0 && at("border_edges") > 20.0, "{found}");
+    assert!(at("least_angle_deg") > 20.0 && at("seam_rest_differs_max_mm") < 10.0, "{found}");
+    assert!(fs::read(folder.path().join("sewing.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
 #[cfg(unix)]
 fn an_interrupted_scene_goes_on_with_the_same_bytes() {
     let [whole, parted] = [(); 2].map(|()| tempfile::tempdir().unwrap());

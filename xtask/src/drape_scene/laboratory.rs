@@ -48,7 +48,7 @@ pub fn cantilever(woven: &Woven) -> Result<Scene, SheetError> {
         let at_m = sheet.positions_m()[particle];
         sheet.pin(particle as u32, at_m)?;
     }
-    Ok(Scene { figures: Some(of_cantilever), parts: 80, ..Scene::of(sheet) })
+    Ok(Scene { figures: Some(Box::new(of_cantilever)), parts: 80, ..Scene::of(sheet) })
 }
 
 /// The angle of the chord with the bending length that follows, and the way to the elastica of each place of the middle line.
@@ -93,7 +93,7 @@ pub fn drape_coefficient() -> Result<Scene, SheetError> {
     // The cloth goes round the edge in its clearance.
     let (body_m, body_triangles) = analytic_form::cylinder([-0.01, 0.0], SUPPORT_M - clearance_m, 96);
     let body = Body::new(&body_m, &body_triangles).expect("a cylinder is a body");
-    Ok(Scene { around: Around::of(body), figures: Some(of_drape_meter), parts: 20, ..Scene::of(sheet) })
+    Ok(Scene { around: Around::of(body), figures: Some(Box::new(of_drape_meter)), parts: 20, ..Scene::of(sheet) })
 }
 
 /// Particles around a ring, at about the distance of the rings; the 0th is the middle.

@@ -9,6 +9,7 @@ mod laboratory;
 mod on_form;
 mod picture;
 mod plain;
+mod sewing;
 mod tight_skirt;
 
 use crate::form::FormArgs;
@@ -37,14 +38,14 @@ const STATE_OF: &str = "kitsuke drape-scene ";
 /// Let cloth fall and come to certified rest, and show it
 ///
 /// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers,
-/// cantilever and drape-coefficient (of textile laboratories, with what they measure), tight-skirt (on the form of --body, with its pattern), darts
+/// cantilever and drape-coefficient (of textile laboratories, with what they measure), sewing (a bag cut from outlines, with curved and eased seams), tight-skirt (on the form of --body, with its pattern), darts
 /// (the same with darts that overlap and darts whose cloth is cut away, one and two to a quarter).
 /// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
 /// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene
-    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "tight-skirt", "darts"])]
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "sewing", "tight-skirt", "darts"])]
     scene: String,
     /// Which kimono [default: komon]
     #[arg(long)]
@@ -109,7 +110,7 @@ pub struct Scene {
 }
 
 /// Measures cloth at these places.
-pub type Measure = fn(&Scene, &Woven, &[DVec3]) -> Figures;
+pub type Measure = Box<dyn Fn(&Scene, &Woven, &[DVec3]) -> Figures>;
 
 /// Names with units, as in the JSON, and values.
 pub type Figures = Vec<(&'static str, f64)>;
@@ -158,7 +159,8 @@ impl Args {
     /// Whether the scene has a meaning for every option that is given.
     fn check(&self) -> Result<(), String> {
         const KIMONO: &[&str] = &["kimono"];
-        const FALLING: &[&str] = &["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient"];
+        const FALLING: &[&str] =
+            &["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "sewing"];
         const ON_FORM: &[&str] = &["tight-skirt", "darts"];
         let options = [
             ("--id", self.id.is_some(), KIMONO),
@@ -214,6 +216,7 @@ fn draped(args: &Args) -> Result<(), String> {
             let (id, start, displaced_mm) = args.kimono();
             kimono::scene(&args.places, id, start, 1e-3 * displaced_mm, args.pose.as_deref())?
         }
+        "sewing" => sewing::scene()?,
         name => plain::scene(name, &woven)?,
     };
     let settings = Settings { parts: args.parts.unwrap_or(scene.parts), ..Settings::default() };
@@ -296,7 +299,7 @@ fn draped(args: &Args) -> Result<(), String> {
     if lowest_j.is_finite() {
         measured.push(("above_lowest_before_mj", 1e3 * (energy.sum_j() - lowest_j)));
     }
-    measured.extend(scene.figures.map_or(Vec::new(), |figures| figures(&scene, &woven, &state.positions_m)));
+    measured.extend(scene.figures.as_ref().map_or(Vec::new(), |figures| figures(&scene, &woven, &state.positions_m)));
     if let Some(target_m) = &scene.target_m {
         let mut away_mm: Vec<f64> =
             target_m.iter().zip(&state.positions_m).map(|(a, b)| 1e3 * a.distance(*b)).collect();

@@ -54,7 +54,7 @@ fn hanging() -> Result<Scene, SheetError> {
         from_m.lerp(to_m, seconds.min(1.0))
     };
     let around = moving(&sheet, pins);
-    Ok(Scene { around, figures: Some(of_hanging), parts: 10, drag_per_s: [6.0, 6.0], ..Scene::of(sheet) })
+    Ok(Scene { around, figures: Some(Box::new(of_hanging)), parts: 10, drag_per_s: [6.0, 6.0], ..Scene::of(sheet) })
 }
 
 /// How far the upper edge sags, beside a chain of its length between the same places.
