@@ -3,9 +3,14 @@
 //! tears or throws the cloth. Knows no sensors, no files and no clock.
 
 use crate::body::Body;
-use crate::drape::{Drape, Settings, State, Stepped};
-use crate::fabric::FabricError;
-use crate::sheet::{Attachment, Sheet};
+use crate::drape::{self, Drape, State, Stepped};
+use crate::fabric::{FabricError, above_zero};
+use crate::intersections::self_intersections;
+use crate::parting::{Blade, PartError, part};
+use crate::scissors::{Layers, lines_on};
+use crate::sheet::{Attachment, Sheet, SheetError};
+use crate::slit::Flat;
+use crate::springs::{self, Springs};
 use crate::woven::Woven;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -20,6 +25,10 @@ const SLIPS_M: f64 = 0.3;
 const FASTEST_M_PER_S: f64 = 3.0;
 /// What is pinned goes to its place no faster, metres per second.
 const PINNED_M_PER_S: f64 = 0.5;
+/// Scissors take away so much, metres.
+const KERF_M: f64 = 1e-3;
+/// Most places of a path that is cut.
+const MOST_PLACES: usize = 1 << 16;
 
 /// A hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -39,60 +48,167 @@ pub struct Held {
     pub from_hand_m: DVec3,
 }
 
+/// What cloth is made of, and how it steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Model {
+    /// Woven cloth by the solver for production, clear of itself.
+    Woven(Woven, drape::Settings),
+    /// Masses and springs as in the paper; cloth goes through itself.
+    Springs(springs::Settings),
+}
+
+/// Why hands cannot have their way.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum HandsError {
+    /// Constants out of range.
+    #[error(transparent)]
+    Fabric(#[from] FabricError),
+    /// Cloth that is none.
+    #[error(transparent)]
+    Sheet(#[from] SheetError),
+    /// No scissors in that hand, or no places that they went through.
+    #[error("nothing to cut along: the hand has no scissors, or was not seen with them")]
+    NoPath,
+    /// A cut that is none.
+    #[error(transparent)]
+    Part(#[from] PartError),
+    /// Layers that lie too near to each other.
+    #[error("the cloth lies too near to itself to be cut here; draw it apart first")]
+    Close,
+    /// Places for other cloth, or that are no numbers.
+    #[error("{given} places for cloth of {particles} particles, or one of them is not finite")]
+    Places {
+        /// How many.
+        given: usize,
+        /// How many it has.
+        particles: usize,
+    },
+}
+
+/// Steps cloth.
+#[derive(Clone, Debug)]
+enum Solver {
+    Woven(Box<Drape>),
+    Springs(Springs),
+}
+
 /// Cloth and two hands.
 #[derive(Clone, Debug)]
 pub struct Hands {
-    drape: Drape,
+    model: Model,
+    solver: Solver,
+    flat: Flat,
+    sheet: Sheet,
     /// The cloth.
     pub state: State,
     /// Where each hand was seen last, and where it is for the cloth, metres.
     seen_m: [Option<DVec3>; 2],
     is_m: [Option<DVec3>; 2],
     held: [Option<Held>; 2],
+    /// Where scissors in a hand went, metres.
+    scissors_m: [Option<Vec<DVec3>>; 2],
     /// Particles that are pinned, and where.
     pinned_m: BTreeMap<u32, DVec3>,
-    step_s: f64,
-    clearance_m: f64,
-    /// How near a hand must be to take a particle, metres.
+    /// How near a hand must be to take a particle or to cut, metres.
     reach_m: f64,
 }
 
+impl Solver {
+    fn of(model: &Model, sheet: &Sheet) -> Result<Solver, FabricError> {
+        Ok(match model {
+            Model::Woven(woven, settings) => Solver::Woven(Box::new(Drape::new(sheet, woven, settings)?)),
+            Model::Springs(settings) => Solver::Springs(Springs::new(sheet, settings)?),
+        })
+    }
+
+    fn hold(&mut self, particle: u32, to_m: DVec3) {
+        match self {
+            Solver::Woven(drape) => drape.hold(particle as usize, to_m),
+            Solver::Springs(springs) => springs.hold(particle as usize, to_m),
+        }
+    }
+
+    fn let_go(&mut self, particle: u32) {
+        match self {
+            Solver::Woven(drape) => drape.let_go(particle as usize),
+            Solver::Springs(springs) => springs.let_go(particle as usize),
+        }
+    }
+
+    fn step(&mut self, drawn: &[Attachment], body: Option<&Body>, state: &mut State) -> Stepped {
+        match self {
+            Solver::Woven(drape) => {
+                drape.attach(drawn, MOST_N);
+                drape.advance(1, &mut { body }, state)
+            }
+            Solver::Springs(springs) => {
+                springs.attach(drawn, MOST_N);
+                springs.step(body, state)
+            }
+        }
+    }
+}
+
+impl Model {
+    fn step_s(&self) -> f64 {
+        match self {
+            Model::Woven(_, settings) => settings.step_s,
+            Model::Springs(settings) => settings.step_s,
+        }
+    }
+
+    fn clearance_m(&self) -> f64 {
+        match self {
+            Model::Woven(_, settings) => settings.clearance_m,
+            Model::Springs(settings) => settings.clearance_m,
+        }
+    }
+}
+
 impl Hands {
-    /// Cloth that hangs where its sheet is. A hand takes what is nearer than `reach_m`, metres.
+    /// Cloth at rest, with its vertices at `positions_m`. A hand takes what is nearer than `reach_m`, metres.
     ///
     /// # Errors
-    /// When a constant of the cloth or a setting is not in its range.
-    pub fn new(sheet: &Sheet, woven: &Woven, settings: &Settings, reach_m: f64) -> Result<Hands, FabricError> {
-        crate::fabric::above_zero("reach_m", reach_m)?;
-        let mut drape = Drape::new(sheet, woven, settings)?;
-        drape.attach(&[], MOST_N);
-        let pins = sheet.pins().iter().zip(0..).filter_map(|(pin, particle)| pin.map(|at_m| (particle, at_m)));
+    /// When the cloth is none, or a constant of it or a setting is not in its range.
+    pub fn new(flat: Flat, positions_m: &[DVec3], model: Model, reach_m: f64) -> Result<Hands, HandsError> {
+        above_zero("reach_m", reach_m)?;
+        let sheet = Sheet::from_flat(&flat.places_m, &flat.triangles, positions_m)?;
+        let state = State {
+            positions_m: positions_m.to_vec(),
+            velocities_m_per_s: vec![DVec3::ZERO; positions_m.len()],
+            steps: 0,
+            went_m_per_s: vec![0.0; positions_m.len()],
+        };
         Ok(Hands {
-            state: drape.state(sheet),
-            drape,
+            solver: Solver::of(&model, &sheet)?,
+            model,
+            flat,
+            sheet,
+            state,
             seen_m: [None; 2],
             is_m: [None; 2],
             held: [None; 2],
-            pinned_m: pins.collect(),
-            step_s: settings.step_s,
-            clearance_m: settings.clearance_m,
+            scissors_m: [None, None],
+            pinned_m: BTreeMap::new(),
             reach_m,
         })
     }
 
     /// Where a hand is now; none or no numbers where it is not seen: then it stays.
     pub fn see(&mut self, hand: Hand, place_m: Option<DVec3>) {
-        if let Some(place_m) = place_m.filter(|place_m| place_m.is_finite()) {
-            self.seen_m[hand as usize] = Some(place_m);
-            self.is_m[hand as usize].get_or_insert(place_m);
+        let Some(place_m) = place_m.filter(|place_m| place_m.is_finite()) else { return };
+        self.seen_m[hand as usize] = Some(place_m);
+        self.is_m[hand as usize].get_or_insert(place_m);
+        if let Some(path_m) = self.scissors_m[hand as usize].as_mut().filter(|path_m| path_m.len() < MOST_PLACES) {
+            path_m.push(place_m);
         }
     }
 
-    /// The particle that a hand would take: the nearest within its reach that neither hand holds; pinned ones, too. None where it has one.
+    /// The particle that a hand would take: the nearest within its reach that neither hand holds; pinned ones, too. None where it holds one or scissors.
     #[must_use]
     pub fn candidate(&self, hand: Hand) -> Option<u32> {
         let at_m = self.is_m[hand as usize]?;
-        if self.held[hand as usize].is_some() {
+        if self.held[hand as usize].is_some() || self.scissors_m[hand as usize].is_some() {
             return None;
         }
         let is_free = |particle: u32| self.held.iter().flatten().all(|held| held.particle != particle);
@@ -106,11 +222,14 @@ impl Hands {
         Some(particle)
     }
 
-    /// Takes a particle wherever it is, for example a corner to move cloth by it; false where the hand is not seen or the other one holds it.
+    /// Takes a particle wherever it is, for example a corner to move cloth by it; false where the hand is not seen, has scissors, or the other one holds it.
     pub fn take(&mut self, hand: Hand, particle: u32) -> bool {
         let Some(at_m) = self.is_m[hand as usize] else { return false };
         let other = self.held[1 - hand as usize];
-        if particle as usize >= self.state.positions_m.len() || other.is_some_and(|held| held.particle == particle) {
+        if particle as usize >= self.state.positions_m.len()
+            || self.scissors_m[hand as usize].is_some()
+            || other.is_some_and(|held| held.particle == particle)
+        {
             return false;
         }
         self.unpin(particle);
@@ -121,8 +240,35 @@ impl Hands {
         true
     }
 
-    /// Lets go of what the hand holds; of nothing, unpins the nearest pinned particle within reach. Which one.
+    /// Both hands take the upper corners of the cloth, each the one on its side, to move it by them; what they held before they let go. Which ones.
+    pub fn take_corners(&mut self) -> Option<[u32; 2]> {
+        let corners = self.upper_corners();
+        let [left, right] = [Hand::Left, Hand::Right];
+        let places_m = [self.is_m[0]?, self.is_m[1]?];
+        let at_m = corners.map(|corner| self.state.positions_m[corner as usize]);
+        let is_turned = places_m[0].distance(at_m[1]) + places_m[1].distance(at_m[0])
+            < places_m[0].distance(at_m[0]) + places_m[1].distance(at_m[1]);
+        let corners = if is_turned { [corners[1], corners[0]] } else { corners };
+        self.held = [None; 2];
+        (self.take(left, corners[0]) && self.take(right, corners[1])).then_some(corners)
+    }
+
+    /// The ends of the cloth's upper border, least weft first.
+    #[must_use]
+    pub fn upper_corners(&self) -> [u32; 2] {
+        let places_m = &self.flat.places_m;
+        let end = |sense: f64| {
+            let far_m = |v: &u32| places_m[*v as usize].y + sense * places_m[*v as usize].x;
+            (0..places_m.len() as u32).max_by(|a, b| far_m(a).total_cmp(&far_m(b))).unwrap_or(0)
+        };
+        [end(-1.0), end(1.0)]
+    }
+
+    /// Lets go of what the hand holds; of nothing, unpins the nearest pinned particle within reach. Which one. Scissors are put away without a cut.
     pub fn release(&mut self, hand: Hand) -> Option<u32> {
+        if self.scissors_m[hand as usize].take().is_some() {
+            return None;
+        }
         if let Some(held) = self.held[hand as usize].take() {
             return Some(held.particle);
         }
@@ -132,14 +278,121 @@ impl Hands {
         Some(pinned)
     }
 
-    /// Pins what the hand holds where it is, or where a body is within reach, at the nearest place of it, clear of it; the hand is free then. Which one.
-    pub fn pin(&mut self, hand: Hand, body: Option<&Body>) -> Option<u32> {
-        let held = self.held[hand as usize].take()?;
+    /// Where the hand would pin what it holds: on a body within reach, at the nearest place of it, clear of it, or where it is.
+    #[must_use]
+    pub fn pin_place_m(&self, hand: Hand, body: Option<&Body>) -> Option<DVec3> {
+        let held = self.held[hand as usize]?;
         let at_m = self.state.positions_m[held.particle as usize];
         let near = body.and_then(|body| body.signed_distance(at_m, self.reach_m));
-        let place_m = near.map_or(at_m, |near| near.place_m + near.normal * self.clearance_m);
+        Some(near.map_or(at_m, |near| near.place_m + near.normal * self.model.clearance_m()))
+    }
+
+    /// Pins what the hand holds there; the hand is free then. Which one.
+    pub fn pin(&mut self, hand: Hand, body: Option<&Body>) -> Option<u32> {
+        let place_m = self.pin_place_m(hand, body)?;
+        let held = self.held[hand as usize].take()?;
         self.pinned_m.insert(held.particle, place_m);
         Some(held.particle)
+    }
+
+    /// Pins a particle where it is.
+    ///
+    /// # Panics
+    /// When there is no such particle.
+    pub fn pin_particle(&mut self, particle: u32) {
+        self.pinned_m.insert(particle, self.state.positions_m[particle as usize]);
+    }
+
+    /// The hand takes scissors, and puts down what it holds: from here on its path is what will be cut.
+    pub fn take_scissors(&mut self, hand: Hand) {
+        self.held[hand as usize] = None;
+        self.scissors_m[hand as usize] = Some(self.seen_m[hand as usize].into_iter().collect());
+    }
+
+    /// Whether a hand has scissors.
+    #[must_use]
+    pub fn has_scissors(&self, hand: Hand) -> bool {
+        self.scissors_m[hand as usize].is_some()
+    }
+
+    /// Cuts along the way of the hand's scissors, and puts them away. Length of the cut, metres.
+    ///
+    /// # Errors
+    /// As [`Hands::cut_along`], or when the hand has none.
+    pub fn cut(&mut self, hand: Hand, layers: Layers) -> Result<f64, HandsError> {
+        let path_m = self.scissors_m[hand as usize].take().ok_or(HandsError::NoPath)?;
+        self.cut_along(&path_m, layers)
+    }
+
+    /// Cuts the cloth along a path in space, metres, straight on the cloth between the path's turns. What is held or pinned stays so; particles keep their numbers.
+    /// Length of the cut, metres.
+    ///
+    /// # Errors
+    /// When the path meets no cloth, or the cloth cannot be cut there. Then nothing is cut.
+    pub fn cut_along(&mut self, path_m: &[DVec3], layers: Layers) -> Result<f64, HandsError> {
+        if path_m.is_empty() {
+            return Err(HandsError::NoPath);
+        }
+        let lines = lines_on(&self.flat, &self.state.positions_m, path_m, self.reach_m, layers);
+        let before = self_intersections(&self.state.positions_m, &self.flat.triangles).len();
+        let mut problem = HandsError::Part(PartError::Misses);
+        // Vertices that come onto the line leave the cloth's surface by a hair; where layers lie close, they stay.
+        for moves in [true, false] {
+            let blade = Blade { kerf_m: KERF_M, moves };
+            let mut flat = self.flat.clone();
+            let mut carried = vec![self.state.positions_m.clone(), self.state.velocities_m_per_s.clone()];
+            let mut cut_m = 0.0;
+            for line in &lines {
+                let given: Vec<&[DVec3]> = carried.iter().map(Vec::as_slice).collect();
+                match part(&flat, &given, line, blade) {
+                    Ok(parted) => {
+                        cut_m += parted.cut_m;
+                        (flat, carried) = (parted.flat, parted.carried);
+                    }
+                    Err(PartError::Misses) => {}
+                    Err(error) => problem = error.into(),
+                }
+            }
+            if cut_m == 0.0 {
+                continue;
+            }
+            if matches!(self.model, Model::Woven(..)) && self_intersections(&carried[0], &flat.triangles).len() > before
+            {
+                problem = HandsError::Close;
+                continue;
+            }
+            self.becomes(flat, carried)?;
+            return Ok(cut_m);
+        }
+        Err(problem)
+    }
+
+    fn becomes(&mut self, flat: Flat, mut carried: Vec<Vec<DVec3>>) -> Result<(), HandsError> {
+        let velocities_m_per_s = carried.pop().expect("places and velocities");
+        let positions_m = carried.pop().expect("places and velocities");
+        let sheet = Sheet::from_flat(&flat.places_m, &flat.triangles, &positions_m)?;
+        self.solver = Solver::of(&self.model, &sheet)?;
+        let went_m_per_s = vec![0.0; positions_m.len()];
+        self.state = State { positions_m, velocities_m_per_s, steps: self.state.steps, went_m_per_s };
+        (self.flat, self.sheet) = (flat, sheet);
+        Ok(())
+    }
+
+    /// Lays the cloth somewhere else, at rest, for example by a mapping onto a form (chapter 2): a place to each particle. Hands and pins let go.
+    ///
+    /// # Errors
+    /// When there are more or fewer places than particles, or one is not finite. Then nothing changes.
+    pub fn lay(&mut self, places_m: &[DVec3]) -> Result<(), HandsError> {
+        let particles = self.state.positions_m.len();
+        if places_m.len() != particles || places_m.iter().any(|place_m| !place_m.is_finite()) {
+            return Err(HandsError::Places { given: places_m.len(), particles });
+        }
+        self.held = [None; 2];
+        let pinned: Vec<u32> = self.pinned_m.keys().copied().collect();
+        pinned.into_iter().for_each(|particle| self.unpin(particle));
+        self.state.positions_m = places_m.to_vec();
+        self.state.velocities_m_per_s.fill(DVec3::ZERO);
+        Ok(())
     }
 
     /// What a hand holds.
@@ -148,18 +401,37 @@ impl Hands {
         self.held[hand as usize]
     }
 
+    /// Where a hand is for the cloth, metres.
+    #[must_use]
+    pub fn place_m(&self, hand: Hand) -> Option<DVec3> {
+        self.is_m[hand as usize]
+    }
+
     /// Where particles are pinned, metres.
     #[must_use]
     pub fn pinned_m(&self) -> &BTreeMap<u32, DVec3> {
         &self.pinned_m
     }
 
+    /// The cloth's flat shape with all cuts.
+    #[must_use]
+    pub fn flat(&self) -> &Flat {
+        &self.flat
+    }
+
+    /// The cloth as a net.
+    #[must_use]
+    pub fn sheet(&self) -> &Sheet {
+        &self.sheet
+    }
+
     /// One step of the cloth. What a hand has pulled away from slips out of it.
     pub fn step(&mut self, body: Option<&Body>) -> Stepped {
+        let step_s = self.model.step_s();
         let mut drawn = Vec::new();
         for hand in 0..2 {
             let (Some(seen_m), Some(is_m)) = (self.seen_m[hand], &mut self.is_m[hand]) else { continue };
-            *is_m += (seen_m - *is_m).clamp_length_max(FASTEST_M_PER_S * self.step_s);
+            *is_m += (seen_m - *is_m).clamp_length_max(FASTEST_M_PER_S * step_s);
             let Some(held) = self.held[hand] else { continue };
             let place_m = *is_m + held.from_hand_m;
             if place_m.distance(self.state.positions_m[held.particle as usize]) > SLIPS_M {
@@ -168,18 +440,17 @@ impl Hands {
             }
             drawn.push(Attachment { particle: held.particle, place_m, stiffness_n_per_m: DRAWS_N_PER_M });
         }
-        self.drape.attach(&drawn, MOST_N);
         for (&particle, place_m) in &self.pinned_m {
             let at_m = self.state.positions_m[particle as usize];
-            let way_m = (*place_m - at_m).clamp_length_max(PINNED_M_PER_S * self.step_s);
-            self.drape.hold(particle as usize, at_m + way_m);
+            let way_m = (*place_m - at_m).clamp_length_max(PINNED_M_PER_S * step_s);
+            self.solver.hold(particle, at_m + way_m);
         }
-        self.drape.advance(1, &mut { body }, &mut self.state)
+        self.solver.step(&drawn, body, &mut self.state)
     }
 
     fn unpin(&mut self, particle: u32) {
         if self.pinned_m.remove(&particle).is_some() {
-            self.drape.let_go(particle as usize);
+            self.solver.let_go(particle);
         }
     }
 

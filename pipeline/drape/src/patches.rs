@@ -1,6 +1,9 @@
 //! A net of particles cut into patches that threads solve side by side: particles of a patch stand one after the other, and what holds
 //! particles of one patch only is apart from what crosses. The cut depends on the net alone, never on the number of threads. Knows no
 //! forces.
+//!
+//! What holds particles is in the order of colours: those of one colour have no particle in common. Passes along the cloth carry an error before them, and
+//! cloth with fine cells and long steps explodes; passes by colour do not, need fewer parts for the same strain, and do not wait for each other in the processor.
 
 use glam::DVec3;
 
@@ -61,7 +64,7 @@ impl Patches {
         Patches { particle_at, place_of, starts }
     }
 
-    /// Sorts what holds particles, given by their places; `shifted` counts them from the start of their patch.
+    /// Sorts what holds particles, given by their places, and then by colour; `shifted` counts them from the start of their patch.
     pub fn sorted<T: Clone, const N: usize>(
         &self,
         all: &[T],
@@ -70,7 +73,7 @@ impl Patches {
     ) -> Sorted<T> {
         let patch_of = |place: u32| self.starts.partition_point(|&start| start <= place) - 1;
         let mut sorted = Sorted { inner: vec![Vec::new(); self.starts.len() - 1], crossing: Vec::new() };
-        for one in all {
+        for one in by_colour(all, self.particle_at.len(), &places) {
             let patches = places(one).map(patch_of);
             if patches.iter().all(|&patch| patch == patches[0]) {
                 sorted.inner[patches[0]].push(shifted(one, self.starts[patches[0]]));
@@ -91,4 +94,18 @@ impl Patches {
         }
         slices
     }
+}
+
+/// Each takes the least colour that none of its particles has yet; beyond the last colour, particles may be in common.
+fn by_colour<'a, T, const N: usize>(all: &'a [T], count: usize, places: &impl Fn(&T) -> [u32; N]) -> Vec<&'a T> {
+    let mut taken = vec![0_u64; count];
+    let mut coloured = Vec::with_capacity(all.len());
+    for one in all {
+        let at = places(one).map(|place| place as usize);
+        let colour = at.iter().fold(0, |all, place| all | taken[*place]).trailing_ones().min(63);
+        at.iter().for_each(|place| taken[*place] |= 1 << colour);
+        coloured.push((colour, one));
+    }
+    coloured.sort_by_key(|(colour, _)| *colour);
+    coloured.into_iter().map(|(_, one)| one).collect()
 }

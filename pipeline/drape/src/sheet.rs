@@ -233,6 +233,27 @@ impl Sheet {
         })
     }
 
+    /// From flat cloth in one coordinate per vertex, metres, weft along X and warp along Y, that is somewhere in space.
+    ///
+    /// # Errors
+    /// As [`Sheet::from_pattern`].
+    pub fn from_flat(flat_m: &[DVec2], triangles: &[[u32; 3]], positions_m: &[DVec3]) -> Result<Sheet, SheetError> {
+        if flat_m.len() != positions_m.len() {
+            return Err(SheetError::Count(positions_m.len()));
+        }
+        for (number, corners) in triangles.iter().enumerate() {
+            check_indices("triangle", number, corners, flat_m.len())?;
+        }
+        let corners_uv: Vec<[DVec2; 3]> = triangles.iter().map(|corners| corners.map(|v| flat_m[v as usize])).collect();
+        Sheet::from_pattern(&PatternMesh {
+            positions_m,
+            triangles,
+            corners_uv: &corners_uv,
+            metres_per_uv: 1.0,
+            welds: &[],
+        })
+    }
+
     /// From a flat rectangle.
     ///
     /// # Errors

@@ -1,38 +1,32 @@
 //! Cloth under the hands: what is taken, pinned and let go, and that nothing hands do harms the cloth.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
 use kitsuke_drape::drape::Settings;
-use kitsuke_drape::hands::{Hand, Hands};
+use kitsuke_drape::hands::{Hand, Hands, HandsError, Model};
 use kitsuke_drape::intersections::self_intersections;
-use kitsuke_drape::sheet::{Grid, Sheet};
+use kitsuke_drape::parting::PartError;
+use kitsuke_drape::scissors::Layers;
+use kitsuke_drape::slit::Flat;
+use kitsuke_drape::springs;
 use kitsuke_drape::woven::Woven;
 use proptest::prelude::*;
 
 const SIDE: usize = 12;
 const SPACING_M: f64 = 0.04;
 
-/// A square of 44 cm that hangs by its upper corners, its lower edge at 0.56 m.
-fn sheet() -> Sheet {
-    let grid = Grid {
-        rows: SIDE,
-        columns: SIDE,
-        spacing_m: SPACING_M,
-        corner_m: DVec3::new(-0.22, 1.0, 0.0),
-        weft: DVec3::X,
-        warp: DVec3::NEG_Y,
-    };
-    let mut sheet = Sheet::from_grid(&grid).unwrap();
-    for corner in [0, SIDE - 1] {
-        let at_m = sheet.positions_m()[corner];
-        sheet.pin(corner as u32, at_m).unwrap();
-    }
-    sheet
+fn woven() -> Model {
+    Model::Woven(Woven::default(), Settings::default())
 }
 
-fn hands(sheet: &Sheet) -> Hands {
-    Hands::new(sheet, &Woven::default(), &Settings::default(), 0.08).unwrap()
+/// A square of 44 cm that hangs by its upper corners, its lower edge at 0.56 m.
+fn hands(model: Model) -> Hands {
+    let flat = Flat::rectangle(DVec2::new(-0.22, 0.0), SIDE - 1, SIDE - 1, DVec2::splat(SPACING_M));
+    let positions_m: Vec<DVec3> = flat.places_m.iter().map(|at| DVec3::new(at.x, 0.56 + at.y, 0.0)).collect();
+    let mut hands = Hands::new(flat, &positions_m, model, 0.08).unwrap();
+    hands.upper_corners().into_iter().for_each(|corner| hands.pin_particle(corner));
+    hands
 }
 
 fn steps(hands: &mut Hands, count: usize) {
@@ -41,18 +35,19 @@ fn steps(hands: &mut Hands, count: usize) {
     }
 }
 
-/// Greatest length of an edge by its length in the pattern.
-fn stretch(sheet: &Sheet, hands: &Hands) -> f64 {
+/// Greatest length of an edge by its length in the pattern and a millimetre: cuts leave edges that are shorter than that.
+fn stretch(hands: &Hands) -> f64 {
     let at = |v: u32| hands.state.positions_m[v as usize];
-    sheet.edges().iter().map(|edge| at(edge.ends[0]).distance(at(edge.ends[1])) / edge.rest_m).fold(0.0, f64::max)
+    let edges = hands.sheet().edges().iter();
+    edges.map(|edge| at(edge.ends[0]).distance(at(edge.ends[1])) / (edge.rest_m + 0.001)).fold(0.0, f64::max)
 }
 
 #[test]
 fn what_is_pinched_follows_and_what_is_pinned_stays_where_it_was_chosen() {
-    let sheet = sheet();
-    let mut hands = hands(&sheet);
-    let lowest = (SIDE * SIDE - SIDE / 2) as u32;
-    let at_m = sheet.positions_m()[lowest as usize];
+    let mut hands = hands(woven());
+    let lowest = (SIDE / 2) as u32;
+    let corner = (SIDE * SIDE - SIDE) as u32;
+    let [at_m, corner_m] = [lowest, corner].map(|v| hands.state.positions_m[v as usize]);
     assert_eq!((hands.candidate(Hand::Left), hands.pinch(Hand::Left)), (None, None), "a hand that was never seen");
     hands.see(Hand::Left, Some(at_m + DVec3::new(0.005, -0.01, 0.02)));
     assert_eq!(hands.candidate(Hand::Left), Some(lowest));
@@ -79,23 +74,22 @@ fn what_is_pinched_follows_and_what_is_pinned_stays_where_it_was_chosen() {
     steps(&mut hands, 300);
     assert!(hands.state.positions_m[lowest as usize].y < pinned_m.y - 0.05);
     // A corner that was released can be taken again.
-    hands.see(Hand::Right, Some(sheet.positions_m()[0]));
+    hands.see(Hand::Right, Some(corner_m));
     steps(&mut hands, 300);
-    assert_eq!(hands.release(Hand::Right), Some(0));
+    assert_eq!(hands.release(Hand::Right), Some(corner));
     steps(&mut hands, 30);
-    assert_eq!(hands.pinch(Hand::Right), Some(0));
+    assert_eq!(hands.pinch(Hand::Right), Some(corner));
     steps(&mut hands, 300);
-    assert!(hands.held(Hand::Right).is_some() && hands.state.positions_m[0].distance(sheet.positions_m()[0]) < 0.05);
+    assert!(hands.held(Hand::Right).is_some() && hands.state.positions_m[corner as usize].distance(corner_m) < 0.05);
 }
 
 #[test]
 fn what_is_pinned_near_a_body_lies_on_it_and_who_pulls_too_far_has_nothing_left() {
-    let sheet = sheet();
     let (positions_m, triangles) = analytic_form::sphere(DVec3::new(0.0, 0.6, -0.13), 0.1, 48);
     let body = Body::new(&positions_m, &triangles).unwrap();
-    let mut hands = hands(&sheet);
-    let particle = (8 * SIDE + SIDE / 2) as u32;
-    hands.see(Hand::Right, Some(sheet.positions_m()[particle as usize]));
+    let mut hands = hands(woven());
+    let particle = (3 * SIDE + SIDE / 2) as u32;
+    hands.see(Hand::Right, Some(hands.state.positions_m[particle as usize]));
     hands.pinch(Hand::Right).unwrap();
     hands.pin(Hand::Right, Some(&body)).unwrap();
     for _ in 0..300 {
@@ -104,14 +98,85 @@ fn what_is_pinned_near_a_body_lies_on_it_and_who_pulls_too_far_has_nothing_left(
     let near = body.signed_distance(hands.state.positions_m[particle as usize], 0.1).unwrap();
     assert!((near.distance_m - Settings::default().clearance_m).abs() < 1e-4, "{near:?}");
 
-    hands.see(Hand::Left, Some(hands.state.positions_m[0]));
-    assert_eq!(hands.pinch(Hand::Left), Some(0));
+    let corner = hands.upper_corners()[0];
+    hands.see(Hand::Left, Some(hands.state.positions_m[corner as usize]));
+    assert_eq!(hands.pinch(Hand::Left), Some(corner));
     hands.see(Hand::Left, Some(DVec3::new(-2.0, 3.0, 1.0)));
     for _ in 0..600 {
         hands.step(Some(&body));
     }
     assert_eq!(hands.held(Hand::Left), None, "it slipped out");
     assert!(hands.state.positions_m.iter().all(|p| p.is_finite() && p.length() < 3.0));
+}
+
+/// A path that a hand shakes along.
+fn shaking(from_m: DVec3, to_m: DVec3) -> impl Iterator<Item = DVec3> {
+    (0..=40)
+        .map(move |i| from_m.lerp(to_m, f64::from(i) / 40.0) + DVec3::ONE * (0.006 * libm::sin(29.0 * f64::from(i))))
+}
+
+#[test]
+fn scissors_cut_straight_and_what_is_cut_off_falls() {
+    for model in [woven(), Model::Springs(springs::Settings::default())] {
+        let mut hands = hands(model);
+        assert_eq!(hands.cut(Hand::Right, Layers::Nearest), Err(HandsError::NoPath));
+        // One hand holds the lower corner while the other cuts across.
+        hands.see(Hand::Left, Some(DVec3::new(-0.22, 0.56, 0.0)));
+        assert_eq!(hands.pinch(Hand::Left), Some(0));
+        hands.see(Hand::Right, Some(DVec3::new(-0.3, 0.85, 0.05)));
+        hands.take_scissors(Hand::Right);
+        assert_eq!(hands.candidate(Hand::Right), None, "a hand with scissors takes nothing");
+        for place_m in shaking(DVec3::new(-0.3, 0.85, 0.05), DVec3::new(0.3, 0.75, 0.05)) {
+            hands.see(Hand::Right, Some(place_m));
+            hands.step(None);
+        }
+        let cut_m = hands.cut(Hand::Right, Layers::Nearest).unwrap();
+        assert!((0.44..0.48).contains(&cut_m), "{cut_m}");
+        let added = hands.flat().places_m.len() - SIDE * SIDE;
+        assert!((12..40).contains(&added), "{added}");
+        assert!(self_intersections(&hands.state.positions_m, hands.sheet().triangles()).is_empty());
+        assert_eq!(hands.held(Hand::Left).map(|held| held.particle), Some(0), "it holds on");
+        assert_eq!(hands.release(Hand::Left), Some(0));
+        let seconds = if matches!(model, Model::Springs(_)) { 60 } else { 600 };
+        steps(&mut hands, seconds);
+        let is_upper = |v: usize| hands.flat().places_m[v].y > 0.3;
+        for (v, at_m) in hands.state.positions_m.iter().enumerate() {
+            assert!(
+                if is_upper(v) { at_m.y > 0.6 } else { at_m.y < 0.2 || hands.flat().places_m[v].y > 0.17 },
+                "{v}: {at_m}"
+            );
+        }
+        assert_eq!(hands.cut_along(&[DVec3::splat(5.0); 2], Layers::All), Err(PartError::Misses.into()));
+    }
+}
+
+#[test]
+fn both_corners_move_the_cloth_and_can_be_taken_again() {
+    let mut hands = hands(woven());
+    assert_eq!(hands.take_corners(), None, "hands that were never seen");
+    for (hand, x) in [(Hand::Left, 0.22), (Hand::Right, -0.22)] {
+        hands.see(hand, Some(DVec3::new(x, 1.0, 0.03)));
+    }
+    let [left, right] = hands.take_corners().unwrap();
+    assert!(hands.state.positions_m[left as usize].x > 0.0 && hands.state.positions_m[right as usize].x < 0.0);
+    assert!(hands.pinned_m().is_empty());
+    for i in 0..600 {
+        for (hand, x) in [(Hand::Left, 0.22), (Hand::Right, -0.22)] {
+            hands.see(hand, Some(DVec3::new(x, 1.0, 0.03 + 0.001 * f64::from(i.min(400)))));
+        }
+        hands.step(None);
+    }
+    assert!(hands.state.positions_m[left as usize].distance(DVec3::new(0.22, 1.0, 0.4)) < 0.02);
+    // One goes on while the other lets go, pins, and takes the corner again.
+    hands.release(Hand::Right).unwrap();
+    steps(&mut hands, 100);
+    assert_eq!(hands.take_corners(), Some([left, right]));
+    hands.pin(Hand::Left, None).unwrap();
+    assert_eq!(hands.pinned_m().len(), 1);
+    let places_m: Vec<DVec3> = hands.flat().places_m.iter().map(|at| DVec3::new(at.x, 2.0, at.y)).collect();
+    hands.lay(&places_m).unwrap();
+    assert!(hands.pinned_m().is_empty() && hands.held(Hand::Right).is_none() && hands.state.positions_m == places_m);
+    assert!(matches!(hands.lay(&places_m[1..]), Err(HandsError::Places { given: 143, particles: 144 })));
 }
 
 #[derive(Clone, Debug)]
@@ -123,6 +188,9 @@ enum Act {
     TakeCorner(Hand, bool),
     Release(Hand),
     Pin(Hand),
+    Corners,
+    Scissors(Hand),
+    Cut(Hand, bool),
     Step(u8),
 }
 
@@ -141,13 +209,16 @@ fn acts() -> impl Strategy<Value = Vec<Act>> {
         1 => (hand(), any::<bool>()).prop_map(|(hand, right)| Act::TakeCorner(hand, right)),
         1 => hand().prop_map(Act::Release),
         2 => hand().prop_map(Act::Pin),
+        1 => Just(Act::Corners),
+        1 => hand().prop_map(Act::Scissors),
+        1 => (hand(), any::<bool>()).prop_map(|(hand, all)| Act::Cut(hand, all)),
         8 => (1..12_u8).prop_map(Act::Step),
     ];
     prop::collection::vec(act, 1..40)
 }
 
-fn played(sheet: &Sheet, acts: &[Act]) -> (Hands, f64) {
-    let mut hands = hands(sheet);
+fn played(model: Model, acts: &[Act]) -> (Hands, f64) {
+    let mut hands = hands(model);
     let mut fastest = 0.0_f64;
     for act in acts {
         match *act {
@@ -158,6 +229,9 @@ fn played(sheet: &Sheet, acts: &[Act]) -> (Hands, f64) {
             Act::TakeCorner(hand, right) => drop(hands.take(hand, if right { SIDE as u32 - 1 } else { 0 })),
             Act::Release(hand) => drop(hands.release(hand)),
             Act::Pin(hand) => drop(hands.pin(hand, None)),
+            Act::Corners => drop(hands.take_corners()),
+            Act::Scissors(hand) => hands.take_scissors(hand),
+            Act::Cut(hand, all) => drop(hands.cut(hand, if all { Layers::All } else { Layers::Nearest })),
             Act::Step(count) => {
                 for _ in 0..count {
                     fastest = fastest.max(hands.step(None).speed_m_per_s);
@@ -178,14 +252,23 @@ proptest! {
 
     #[test]
     fn whatever_hands_do_cloth_is_whole_and_played_again_the_same(acts in acts()) {
-        let sheet = sheet();
-        let (hands, fastest) = played(&sheet, &acts);
+        let (hands, fastest) = played(woven(), &acts);
         prop_assert!(hands.state.positions_m.iter().all(|p| p.is_finite()));
         // It falls at most all the time, and no hand throws it.
         let steps: f64 = acts.iter().map(|act| if let Act::Step(count) = act { f64::from(*count) } else { 0.0 }).sum();
         prop_assert!(fastest < 9.81 * steps / 600.0 + 3.0, "{fastest}");
-        prop_assert!(stretch(&sheet, &hands) < 1.5, "{}", stretch(&sheet, &hands));
-        prop_assert!(self_intersections(&hands.state.positions_m, sheet.triangles()).is_empty());
-        prop_assert!(played(&sheet, &acts).0.state == hands.state);
+        prop_assert!(stretch(&hands) < 1.5, "{}", stretch(&hands));
+        prop_assert!(self_intersections(&hands.state.positions_m, hands.sheet().triangles()).is_empty());
+        prop_assert!(played(woven(), &acts).0.state == hands.state);
+    }
+
+    #[test]
+    fn springs_do_not_explode_either(acts in acts()) {
+        let model = Model::Springs(springs::Settings::default());
+        let (hands, fastest) = played(model, &acts);
+        prop_assert!(hands.state.positions_m.iter().all(|p| p.is_finite()));
+        let steps: f64 = acts.iter().map(|act| if let Act::Step(count) = act { f64::from(*count) } else { 0.0 }).sum();
+        prop_assert!(fastest < 9.81 * steps / 60.0 + 3.0, "{fastest}");
+        prop_assert!(played(model, &acts).0.state == hands.state);
     }
 }
