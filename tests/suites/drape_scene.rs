@@ -120,7 +120,11 @@ fn a_skirt_that_does_not_rest_says_which_part_and_why() {
         assert!(errors.contains(&format!("{part} does not come to certified rest:")), "{errors}");
     }
     assert!(errors.contains("mm/s, at most 1.000 is rest"), "{errors}");
-    assert_eq!(figures(folder.path())["certified"], false);
+    let found = figures(folder.path());
+    let at = |key: &str| found[key].as_f64().unwrap();
+    assert_eq!(found["certified"], false);
+    assert!((0.1..10.0).contains(&at("relax_mean_mm")) && at("relax_p95_mm") > at("relax_mean_mm"), "{found}");
+    assert!((1e-4..0.01).contains(&at("relax_strain_mean")) && at("relax_s") > 0.0, "{found}");
     assert!(folder.path().join("tight-skirt.png").is_file(), "what does not rest is shown as well");
 }
 

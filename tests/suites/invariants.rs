@@ -119,6 +119,7 @@ fn rooms_stand_on_the_floors_below_them() {
         &["drape", "mapping", "outline"],
         &["rest", "springs"],
         &["hands", "skirt"],
+        &["skirt_by_forces"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
     for (folder, floors) in crates {

@@ -53,6 +53,7 @@ pub mod scissors;
 pub mod sew;
 pub mod sheet;
 pub mod skirt;
+pub mod skirt_by_forces;
 pub mod slices;
 pub mod slit;
 pub mod springs;

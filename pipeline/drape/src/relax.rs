@@ -10,6 +10,9 @@ use crate::parallel;
 use crate::sheet::Sheet;
 use glam::DVec3;
 
+/// Cloth so near the body is pressed onto it, metres.
+const PRESSED_M: f64 = 0.02;
+
 /// How steps are taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -25,6 +28,9 @@ pub struct Settings {
     pub body_friction: f64,
     /// Whether cloth is kept out of cloth.
     pub cloth_contacts: bool,
+    /// What presses cloth within 2 cm of the body onto it, N/m², at least 0 (P3, 2.2.1: hands that smooth it; a weak one, less than the cloth
+    /// weighs, or forces along the cloth are lost in the limit).
+    pub pressure_n_per_m2: f64,
 }
 
 impl Default for Settings {
@@ -35,6 +41,7 @@ impl Default for Settings {
             instead_weights: 1.2,
             body_friction: 0.3,
             cloth_contacts: true,
+            pressure_n_per_m2: 0.0,
         }
     }
 }
@@ -112,6 +119,7 @@ impl State {
 pub fn check(settings: &Settings) -> Result<(), FabricError> {
     fabric::above_zero("gravity_step_m", settings.gravity_step_m)?;
     fabric::at_least_zero("body_friction", settings.body_friction)?;
+    fabric::at_least_zero("pressure_n_per_m2", settings.pressure_n_per_m2)?;
     let limit = settings.limit_weights;
     if !(limit.is_finite() && limit >= 1.0) {
         return Err(FabricError { name: "limit_weights", value: limit, range: "finite and at least 1" });
@@ -143,6 +151,8 @@ pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: 
     let (limit_n, instead_n) = (settings.limit_weights * weight_n, settings.instead_weights * weight_n);
     let drawn_n = drawn_forces(sheet, fabric, before_m);
     let m_per_n = settings.gravity_step_m / weight_n;
+    let press_n = settings.pressure_n_per_m2 * sheet.area_m2() / before_m.len() as f64;
+    let pressing = body.filter(|_| press_n > 0.0);
     parallel::fill(positions_m, |particle| {
         if let Some(place_m) = sheet.pins()[particle] {
             return place_m;
@@ -160,6 +170,9 @@ pub fn step(sheet: &Sheet, fabric: &Fabric, body: Option<&DepthMaps>, settings: 
         while drawn < drawn_n.len() && drawn_n[drawn].0 as usize == particle {
             force_n += drawn_n[drawn].1;
             drawn += 1;
+        }
+        if let Some(surface) = pressing.and_then(|body| body.inside(before_m[particle], PRESSED_M)) {
+            force_n -= surface.normal * press_n;
         }
         before_m[particle] + forces::limited_n(force_n, limit_n, instead_n) * m_per_n
     });

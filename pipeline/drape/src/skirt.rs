@@ -9,6 +9,7 @@ use crate::form::Form;
 use crate::mapping::{Centre, Dart, DartKind, Mapping, turned};
 use crate::outline::{OnCloth, in_flat, met};
 use crate::pattern::{Pattern, Piece, Run};
+use crate::relax::RelaxError;
 use crate::rest::{Course, to_rest};
 use crate::sew::{SewError, sew};
 use crate::sheet::{PatternMesh, Sheet, SheetError};
@@ -147,6 +148,9 @@ pub enum SkirtError {
     /// Constants out of range.
     #[error(transparent)]
     Fabric(#[from] FabricError),
+    /// Cloth that P2's model does not relax.
+    #[error(transparent)]
+    Relax(#[from] RelaxError),
     /// A pattern that cannot be sewn.
     #[error(transparent)]
     Sew(#[from] SewError),
@@ -322,7 +326,7 @@ impl Half<'_> {
     }
 
     /// The cloth with its lines held, and where its particles begin, metres.
-    fn held(&self) -> Result<(Sheet, Vec<DVec3>), SkirtError> {
+    pub(crate) fn held(&self) -> Result<(Sheet, Vec<DVec3>), SkirtError> {
         let corners_uv: Vec<[DVec2; 3]> =
             self.flat.triangles.iter().map(|corners| corners.map(|v| self.flat.places_m[v as usize])).collect();
         let mut welds = Vec::new();

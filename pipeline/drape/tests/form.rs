@@ -3,11 +3,15 @@
 use glam::{DVec2, DVec3};
 use kitsuke_drape::analytic_form;
 use kitsuke_drape::body::Body;
+use kitsuke_drape::depth_maps::DepthMaps;
 use kitsuke_drape::drape::Settings;
+use kitsuke_drape::fabric::Fabric;
 use kitsuke_drape::form::{Cut, Form, FormError, Lines, direction};
 use kitsuke_drape::mapping::DartKind;
+use kitsuke_drape::relax;
 use kitsuke_drape::sew::sew;
 use kitsuke_drape::skirt::{Design, Draping, SkirtError, apart_m, laid_on, pattern, redrape};
+use kitsuke_drape::skirt_by_forces::{Relaxing, by_forces};
 use kitsuke_drape::woven::Woven;
 use std::f64::consts::{PI, TAU};
 
@@ -258,4 +262,49 @@ fn darts_overlap_or_are_removed_one_or_more_to_a_quarter() {
     close.darts[1][1].at = close.darts[1][0].at + 0.02;
     let error = laid_on(&form, &close, 0.002, 0.002).unwrap_err();
     assert!(error.to_string().starts_with("dart 2 of the right back at 0.35 of the waist"), "{error}");
+}
+
+/// The papers' forces, with the same lines held, bring a half nearly where `drape` does: outside the form, clear of itself, its pins where they were.
+#[test]
+fn a_half_relaxed_by_forces_comes_near_where_it_is_draped() {
+    let form = Form::of(&person(), &Cut { sections: 200, places: 128, from: 0.2 }).unwrap().skirt();
+    let (mesh_m, corners) = form.mesh(0.0);
+    let body = Body::new(&mesh_m, &corners).unwrap();
+    let (farther_m, farther_corners) = form.mesh(0.001);
+    let maps = DepthMaps::new(&farther_m, &farther_corners, 0.002).unwrap();
+    let design = Design { length_m: 0.35, cell_m: 0.015, ..Design::default() };
+    let woven = Woven { thickness_m: 0.001, body_friction: 0.5, ..Woven::default() };
+    let settings = Settings { clearance_m: 0.002, pressure_n_per_m2: 20.0, ..Settings::default() };
+    let mut half = laid_on(&form, &design, 0.002, 0.002).unwrap().into_iter().next().unwrap();
+    half.relax(&Draping { body: &body, woven: &woven, settings, most_s: 6.0 }).unwrap();
+    let fabric = Fabric { mass_kg_per_m2: woven.mass_kg_per_m2, thickness_m: 0.001, ..Fabric::default() };
+    let settings = relax::Settings {
+        gravity_step_m: 0.0003,
+        body_friction: 0.5,
+        pressure_n_per_m2: 0.5,
+        ..relax::Settings::default()
+    };
+    let relaxing = Relaxing {
+        form: &maps,
+        body: &body,
+        fabric: &fabric,
+        settings: &settings,
+        residual_weights: 0.05,
+        most_steps: 3000,
+    };
+    let relaxed = by_forces(&half, &relaxing).unwrap();
+    assert_eq!(relaxed.places_m.len(), half.rests_m.len());
+    let (apart_m, count) = (&relaxed.from_drape_m, relaxed.from_drape_m.len());
+    let (mean_m, p95_m) = (apart_m.iter().sum::<f64>() / count as f64, apart_m[count * 95 / 100]);
+    assert!((1e-5..0.003).contains(&mean_m) && p95_m < 0.008, "{mean_m} {p95_m}");
+    assert!(relaxed.strain_mean < 0.01, "{}", relaxed.strain_mean);
+    assert!(relaxed.certificate.is_certified(), "{}", relaxed.certificate);
+    // Where lines hold it, both have it in one place.
+    assert!(apart_m[count / 20] < 1e-9, "{}", apart_m[count / 20]);
+    let settings = relax::Settings { pressure_n_per_m2: -1.0, ..settings.clone() };
+    let error = by_forces(&half, &Relaxing { settings: &settings, ..relaxing }).unwrap_err();
+    assert_eq!(error.to_string(), "pressure_n_per_m2 is -1, must be finite and at least 0");
+    let thick = Fabric { thickness_m: 0.01, ..fabric.clone() };
+    let error = by_forces(&half, &Relaxing { fabric: &thick, ..relaxing }).unwrap_err();
+    assert!(error.to_string().starts_with("the cloth is 0.01 m thick"), "{error}");
 }

@@ -206,6 +206,38 @@ fn cloth_lies_on_cloth() {
     }
 }
 
+/// Coulomb with a pressure of `p` weights: on a slope of `a` cloth goes by `sin a - friction (cos a + p)` of a step. What is farther than 2 cm from the
+/// body is not pressed.
+#[test]
+fn a_weak_pressure_holds_cloth_on_a_body() {
+    let fabric = Fabric { thickness_m: 0.001, ..Fabric::default() };
+    let weight_n_per_m2 = fabric.mass_kg_per_m2 * GRAVITY_M_PER_S2;
+    let body = slope(0.35);
+    let along = DVec3::new(libm::cos(0.35), libm::sin(0.35), 0.0);
+    let fell_m = |above_m: f64, weights: f64, steps: usize| {
+        let corner_m = DVec3::Y * above_m;
+        let grid = Grid { rows: 5, columns: 5, spacing_m: 0.05, corner_m, weft: along, warp: DVec3::NEG_Z };
+        let sheet = Sheet::from_grid(&grid).unwrap();
+        let mut state = State::new(&sheet, &fabric).unwrap();
+        let pressure_n_per_m2 = weights * weight_n_per_m2;
+        let settings =
+            Settings { gravity_step_m: 0.0003, body_friction: 0.3, pressure_n_per_m2, ..Settings::default() };
+        for _ in 0..steps {
+            step(&sheet, &fabric, Some(&body), &settings, &mut state);
+        }
+        sheet.positions_m()[12] - state.positions_m[12]
+    };
+    for weights in [0.0, 0.05, 0.1, 0.15] {
+        let slid_m = (fell_m(0.002, weights, 600) - fell_m(0.002, weights, 100)).dot(along);
+        let wanted_m = 500.0 * 0.0003 * (libm::sin(0.35) - 0.3 * (libm::cos(0.35) + weights));
+        assert!((slid_m - wanted_m).abs() < 1e-4, "{weights}: {slid_m} wanted {wanted_m}");
+    }
+    let slid_m = (fell_m(0.002, 0.25, 600) - fell_m(0.002, 0.25, 100)).dot(along);
+    assert!(slid_m.abs() < 1e-6, "{slid_m}");
+    assert_eq!(fell_m(0.05, 0.1, 1), fell_m(0.05, 0.0, 1));
+    assert!(fell_m(0.01, 0.1, 1).y > fell_m(0.01, 0.0, 1).y + 2e-5);
+}
+
 #[test]
 fn constants_out_of_their_range_are_named() {
     let sheet = Sheet::from_grid(&level(5, 0.5, 1.0)).unwrap();
@@ -223,6 +255,7 @@ fn constants_out_of_their_range_are_named() {
         Settings { limit_weights: 0.5, ..Settings::default() },
         Settings { instead_weights: 9.0, ..Settings::default() },
         Settings { body_friction: f64::NAN, ..Settings::default() },
+        Settings { pressure_n_per_m2: -1.0, ..Settings::default() },
     ] {
         assert!(relax::check(&bad).is_err(), "{bad:?}");
     }

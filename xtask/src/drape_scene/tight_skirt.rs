@@ -7,16 +7,29 @@ use crate::pattern_files;
 use crate::places::{say, write_whole};
 use glam::{DVec2, Vec3};
 use kitsuke_drape::body::Body;
+use kitsuke_drape::depth_maps::DepthMaps;
 use kitsuke_drape::drape::Settings;
+use kitsuke_drape::fabric::Fabric;
 use kitsuke_drape::form::Form;
 use kitsuke_drape::pattern::Pattern;
+use kitsuke_drape::relax;
 use kitsuke_drape::skirt::{Design, Draping, Half, Redraped, laid_on, pattern, redrape};
+use kitsuke_drape::skirt_by_forces::{Relaxed, Relaxing, by_forces};
+use kitsuke_drape::woven::Woven;
 use kitsuke_pipeline::look::sheet::{Cell, contact_sheet, png_bytes};
+use std::time::Instant;
 
 /// How far marks on the form's lines are apart, metres.
 pub const MARKS_M: f64 = 0.01;
 /// How much farther out the sewn skirt begins than where the first drape was, metres.
 pub const AWAY_M: f64 = 0.01;
+/// Of the form's depth maps, metres.
+const DEPTH_CELL_M: f64 = 0.002;
+/// By the papers' forces a half has so many steps, and rests below so much of a particle's weight.
+const MOST_STEPS: usize = 4000;
+const RESIDUAL_WEIGHTS: f64 = 0.05;
+/// What presses it then, N/m²: a third of what it weighs.
+const WEAK_N_PER_M2: f64 = 0.5;
 
 /// Drapes a skirt on a body's form and writes its pattern with seam allowance (millimetres), pictures and figures.
 pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
@@ -30,10 +43,17 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
     let woven = on_form(on.woven);
     let draping = Draping { body: &taut_body, woven: &woven, settings: smoothed(), most_s: on.most_s };
     let mut unrested = Vec::new();
+    let mut drape_s = Vec::new();
     for half in &mut halves {
+        let began = Instant::now();
         let certificate = half.relax(&draping).map_err(|error| error.to_string())?;
+        drape_s.push(began.elapsed().as_secs_f64());
         say!("{}: {}: {certificate}", half.name, told(half));
         unrested.extend(fault(half.name, &certificate));
+    }
+    let relaxed = relaxed(&taut, &taut_body, &halves, &woven)?;
+    for ((half, relaxed), drape_s) in halves.iter().zip(&relaxed).zip(&drape_s) {
+        say!("{}: {}; `drape` took {drape_s:.1} s", half.name, relaxed.told());
     }
     let pattern = pattern(&halves, MARKS_M).map_err(|error| error.to_string())?;
     for piece in &pattern.pieces {
@@ -60,7 +80,7 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
         1e2 * redraped.strain_mean,
         redraped.certificate
     );
-    let pictures = pictures(&taut, &halves, &pattern, &redraped)?;
+    let pictures = pictures(&taut, &halves, &relaxed, &pattern, &redraped)?;
     write_whole(&on.out.join("tight-skirt.png"), |out| out.write_all(&pictures))?;
     let svg = pattern_files::svg(&pattern, allowance_mm);
     write_whole(&on.out.join("pattern.svg"), |out| out.write_all(svg.as_bytes()))?;
@@ -68,6 +88,7 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
     write_whole(&on.out.join("pattern.dxf"), |out| out.write_all(&dxf))?;
     if let Some(path) = on.json {
         let worst = |of: fn(&Half) -> f64| halves.iter().map(of).fold(0.0, f64::max);
+        let farthest = |of: fn(&ByForces) -> f64| relaxed.iter().map(of).fold(0.0, f64::max);
         let figures = serde_json::json!({
             "form_mean_mm": 1e3 * apart.form_mean_m.max(apart.body_mean_m),
             "form_max_mm": 1e3 * apart.form_max_m.max(apart.body_max_m),
@@ -75,6 +96,12 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
             "strain_mean": worst(|half| half.strain_mean),
             "front_dart_mm": 1e3 * halves[0].mapping.darts[0].amount_m,
             "back_dart_mm": 1e3 * halves[1].mapping.darts[0].amount_m,
+            "relax_mean_mm": farthest(|relaxed| 1e3 * relaxed.mean_m),
+            "relax_p95_mm": farthest(|relaxed| 1e3 * relaxed.p95_m),
+            "relax_strain_mean": farthest(|relaxed| relaxed.half.strain_mean),
+            "relax_s": farthest(|relaxed| relaxed.took_s),
+            "relax_self_pairs": relaxed.iter().map(|relaxed| relaxed.half.certificate.self_crossings.len()).sum::<usize>(),
+            "relax_rests": relaxed.iter().all(|relaxed| relaxed.half.rested.is_at_rest),
             "seam_length_max_mm": 1e3 * seam_length_max_m,
             "redrape_mean_mm": 1e3 * redrape_mean_m,
             "redrape_p95_mm": 1e3 * redrape_p95_m,
@@ -89,12 +116,83 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
     all_rest(&unrested, on.most_s)
 }
 
-fn pictures(form: &Form, halves: &[Half; 2], pattern: &Pattern, redraped: &Redraped) -> Result<Vec<u8>, String> {
+/// A half relaxed by the papers' forces.
+struct ByForces {
+    half: Relaxed,
+    took_s: f64,
+    /// From where `drape` brought it, metres.
+    mean_m: f64,
+    p95_m: f64,
+}
+
+impl ByForces {
+    fn told(&self) -> String {
+        let Relaxed { rested, certificate, strain_mean, .. } = &self.half;
+        let rests = if rested.is_at_rest { "rests" } else { "does not rest" };
+        format!(
+            "by the papers' forces it {rests} after {} steps ({:.1} s, {:.2} of its weight moves it), {:.2} mm from where `drape` brought it on average, 95 % within {:.2}; {:.3} % mean strain; {} particles in the form, {} self-intersections",
+            rested.steps,
+            self.took_s,
+            rested.residual_weights,
+            1e3 * self.mean_m,
+            1e3 * self.p95_m,
+            1e2 * strain_mean,
+            certificate.inside.len(),
+            certificate.self_crossings.len()
+        )
+    }
+}
+
+/// Halves that `drape` has brought to rest, relaxed from where it began by the papers' forces, with the cloth's weight, thickness and friction; it
+/// stretches like P2's.
+fn relaxed(form: &Form, body: &Body, halves: &[Half; 2], woven: &Woven) -> Result<Vec<ByForces>, String> {
+    let (positions_m, triangles) = form.mesh(CLEARANCE_M - THICKNESS_M);
+    let maps = DepthMaps::new(&positions_m, &triangles, DEPTH_CELL_M).map_err(|error| error.to_string())?;
+    let fabric = Fabric {
+        mass_kg_per_m2: woven.mass_kg_per_m2,
+        thickness_m: woven.thickness_m,
+        friction: woven.friction,
+        ..Fabric::default()
+    };
+    let settings = relax::Settings {
+        gravity_step_m: 0.3 * THICKNESS_M,
+        body_friction: woven.body_friction,
+        pressure_n_per_m2: WEAK_N_PER_M2,
+        ..relax::Settings::default()
+    };
+    let relaxing = Relaxing {
+        form: &maps,
+        body,
+        fabric: &fabric,
+        settings: &settings,
+        residual_weights: RESIDUAL_WEIGHTS,
+        most_steps: MOST_STEPS,
+    };
+    let one = |half: &Half| {
+        let began = Instant::now();
+        let half = by_forces(half, &relaxing).map_err(|error| error.to_string())?;
+        let apart_m = &half.from_drape_m;
+        let mean_m = apart_m.iter().sum::<f64>() / apart_m.len() as f64;
+        let p95_m = apart_m[apart_m.len() * 95 / 100];
+        Ok(ByForces { took_s: began.elapsed().as_secs_f64(), mean_m, p95_m, half })
+    };
+    halves.iter().map(one).collect()
+}
+
+fn pictures(
+    form: &Form,
+    halves: &[Half; 2],
+    relaxed: &[ByForces],
+    pattern: &Pattern,
+    redraped: &Redraped,
+) -> Result<Vec<u8>, String> {
     let mut cells = Vec::new();
     for (name, side) in [("front", Vec3::Z), ("right side", Vec3::NEG_X), ("behind", Vec3::NEG_Z)] {
-        for (when, at) in [("laid on", 0), ("at rest", 1)] {
+        for (when, at) in [("laid on", 0), ("at rest", 1), ("by the papers' forces", 2)] {
+            let places_m =
+                |number: usize| [&halves[number].laid_m, &halves[number].rests_m, &relaxed[number].half.places_m][at];
             let cloths: Vec<Drawn> =
-                halves.iter().map(|half| Drawn::of(half, if at == 0 { &half.laid_m } else { &half.rests_m })).collect();
+                halves.iter().enumerate().map(|(number, half)| Drawn::of(half, places_m(number))).collect();
             cells.push(Cell { caption: format!("{when}, {name}"), picture: dressed(form, &cloths, side) });
         }
     }
@@ -111,7 +209,7 @@ fn pictures(form: &Form, halves: &[Half; 2], pattern: &Pattern, redraped: &Redra
             picture: dressed(form, &[Drawn::sewn(places_m, &redraped.triangles)], side),
         });
     }
-    png_bytes(&contact_sheet(&cells, 4)).map_err(|error| error.to_string())
+    png_bytes(&contact_sheet(&cells, 3)).map_err(|error| error.to_string())
 }
 
 /// All pieces side by side.
