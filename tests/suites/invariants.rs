@@ -113,13 +113,13 @@ fn rooms_stand_on_the_floors_below_them() {
     let drape: &[&[&str]] = &[
         &["analytic_form", "cells", "depth_maps", "fabric", "forces", "parallel", "sheet", "slit"],
         &["cloth_contact", "parting", "patches", "room", "slices", "triangle_tree", "woven"],
-        &["cut", "intersections", "links", "near_pairs", "pattern", "relax", "scissors"],
+        &["cut", "intersections", "links", "near_pairs", "pattern", "relax", "scissors", "tethers"],
         &["body", "contacts", "repair", "sew"],
         &["certificate", "form"],
         &["drape", "mapping", "outline"],
         &["rest", "springs"],
         &["hands", "skirt"],
-        &["skirt_by_forces"],
+        &["gestures", "skirt_by_forces"],
     ];
     let crates = [("runtime/src", runtime), ("pipeline/src", pipeline), ("pipeline/drape/src", drape)];
     for (folder, floors) in crates {

@@ -17,6 +17,7 @@ mod fit;
 mod fit_data;
 mod frame;
 mod garment;
+mod hands;
 mod hostile;
 mod imports;
 mod inputs;

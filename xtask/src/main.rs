@@ -14,6 +14,7 @@ mod drape_scene;
 mod evaluate;
 mod fit;
 mod form;
+mod hands;
 mod inspect;
 mod leave_one_out;
 mod masks;
@@ -60,6 +61,7 @@ enum Verb {
     Evaluate(evaluate::Args),
     Fit(fit::Args),
     Form(form::Args),
+    Hands(hands::Args),
     Inspect(inspect::Args),
     LeaveOneOut(leave_one_out::Args),
     Masks(masks::Args),
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Fit(args) => fit::run(args),
         Verb::Form(args) => form::run(args),
+        Verb::Hands(args) => hands::run(args),
         Verb::Inspect(args) => inspect::run(args),
         Verb::LeaveOneOut(args) => leave_one_out::run(args),
         Verb::Masks(args) => masks::run(args),

@@ -16,6 +16,7 @@ use crate::parallel;
 use crate::patches::{Patches, Sorted};
 use crate::room::Room;
 use crate::sheet::{Attachment, Sheet};
+use crate::tethers::{Tether, within_m};
 use crate::woven::Woven;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -87,6 +88,8 @@ pub struct Drape {
     /// Places of the particles that threads draw together, and those that springs draw somewhere.
     threads: Vec<[usize; 2]>,
     attached: Vec<(usize, Attachment)>,
+    /// Places of a particle and of one that is held, and how far the first may be from it, metres.
+    tethers: Vec<(usize, usize, f64)>,
     /// Newtons.
     most_pull_n: f64,
     /// As the sheet numbers them.
@@ -239,6 +242,7 @@ impl Drape {
             pins_m,
             threads: sheet.pairs().iter().map(|pair| pair.map(|end| placed(end) as usize)).collect(),
             attached: sheet.attachments().iter().map(|&one| (placed(one.particle) as usize, one)).collect(),
+            tethers: Vec::new(),
             most_pull_n: f64::INFINITY,
             triangles: sheet.triangles().to_vec(),
             near_pairs: NearPairs::new(&places_m, &placed_triangles),
@@ -286,6 +290,13 @@ impl Drape {
         let placed = |particle: u32| self.patches.place_of[particle as usize] as usize;
         self.attached = attachments.iter().map(|&one| (placed(one.particle), one)).collect();
         self.most_pull_n = most_n;
+    }
+
+    /// Replaces all tethers.
+    pub fn tether(&mut self, tethers: &[Tether]) {
+        let placed = |particle: u32| self.patches.place_of[particle as usize] as usize;
+        self.tethers = tethers.iter().map(|one| (placed(one.particle), placed(one.held), one.far_m)).collect();
+        self.tethers.sort_by_key(|one| (one.0, one.1));
     }
 
     /// How it steps.
@@ -412,6 +423,11 @@ impl Drape {
         }
         self.keep_together(places_m, part_s);
         self.sew(places_m, before_m, part_s);
+        for &(place, held, far_m) in &self.tethers {
+            if self.inverse_kg[place] > 0.0 {
+                places_m[place] = within_m(places_m[place], places_m[held], far_m);
+            }
+        }
         let mut now = Part {
             places_m,
             before_m,

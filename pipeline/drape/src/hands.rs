@@ -1,6 +1,6 @@
-//! Cloth under two hands (Shoda 2018, chapter 3): state and operations, in any order, one hand while the other does something else. A hand draws what it
-//! holds like a spring that is never stronger than fingers are, so that nothing it does (jumps of a metre, places that are no numbers, frames without it)
-//! tears or throws the cloth. Knows no sensors, no files and no clock.
+//! Cloth under two hands (Shoda 2018, chapter 3): state and operations, in any order, one hand while the other does something else. What a hand holds goes with it, but
+//! never faster than hands work nor farther from what else is held than the cloth between is long, so that nothing a hand does (jumps of a metre, places that are no
+//! numbers, frames without it) tears or throws the cloth. Knows no sensors, no files and no clock.
 
 use crate::body::Body;
 use crate::drape::{self, Drape, State, Stepped};
@@ -8,19 +8,19 @@ use crate::fabric::{FabricError, above_zero};
 use crate::intersections::self_intersections;
 use crate::parting::{Blade, PartError, part};
 use crate::scissors::{Layers, lines_on};
-use crate::sheet::{Attachment, Sheet, SheetError};
+use crate::sheet::{Sheet, SheetError};
 use crate::slit::Flat;
 use crate::springs::{self, Springs};
+use crate::tethers::{along_cloth_m, tethers, within_m};
 use crate::woven::Woven;
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// How a hand draws, N/m, and how hard at most, newtons: a pinch that holds a square metre of silk, and that stretches its threads by less
-/// than a tenth.
-const DRAWS_N_PER_M: f64 = 400.0;
-const MOST_N: f64 = 2.0;
 /// Who pulls farther than this has nothing in the hand any more, metres.
 const SLIPS_M: f64 = 0.3;
+/// Out of fingers cloth slips, too, whose threads there are longer than this share of their length, and so many metres.
+const SLIPS_STRETCHED: f64 = 1.5;
+const SLIPS_LONGER_M: f64 = 0.005;
 /// A hand's place goes no faster, metres per second.
 const FASTEST_M_PER_S: f64 = 3.0;
 /// What is pinned goes to its place no faster, metres per second.
@@ -109,6 +109,8 @@ pub struct Hands {
     scissors_m: [Option<Vec<DVec3>>; 2],
     /// Particles that are pinned, and where.
     pinned_m: BTreeMap<u32, DVec3>,
+    /// How far all particles are along the cloth from each that is held or pinned, metres.
+    far_m: BTreeMap<u32, Vec<f64>>,
     /// How near a hand must be to take a particle or to cut, metres.
     reach_m: f64,
 }
@@ -135,16 +137,10 @@ impl Solver {
         }
     }
 
-    fn step(&mut self, drawn: &[Attachment], body: Option<&Body>, state: &mut State) -> Stepped {
+    fn step(&mut self, body: Option<&Body>, state: &mut State) -> Stepped {
         match self {
-            Solver::Woven(drape) => {
-                drape.attach(drawn, MOST_N);
-                drape.advance(1, &mut { body }, state)
-            }
-            Solver::Springs(springs) => {
-                springs.attach(drawn, MOST_N);
-                springs.step(body, state)
-            }
+            Solver::Woven(drape) => drape.advance(1, &mut { body }, state),
+            Solver::Springs(springs) => springs.step(body, state),
         }
     }
 }
@@ -190,6 +186,7 @@ impl Hands {
             held: [None; 2],
             scissors_m: [None, None],
             pinned_m: BTreeMap::new(),
+            far_m: BTreeMap::new(),
             reach_m,
         })
     }
@@ -233,6 +230,7 @@ impl Hands {
             return false;
         }
         self.unpin(particle);
+        self.drop_held(hand);
         let from_hand_m = self.state.positions_m[particle as usize] - at_m;
         // From afar it comes into the hand, or it would slip at once.
         let from_hand_m = from_hand_m.clamp_length_max(self.reach_m);
@@ -249,7 +247,8 @@ impl Hands {
         let is_turned = places_m[0].distance(at_m[1]) + places_m[1].distance(at_m[0])
             < places_m[0].distance(at_m[0]) + places_m[1].distance(at_m[1]);
         let corners = if is_turned { [corners[1], corners[0]] } else { corners };
-        self.held = [None; 2];
+        self.drop_held(left);
+        self.drop_held(right);
         (self.take(left, corners[0]) && self.take(right, corners[1])).then_some(corners)
     }
 
@@ -269,8 +268,8 @@ impl Hands {
         if self.scissors_m[hand as usize].take().is_some() {
             return None;
         }
-        if let Some(held) = self.held[hand as usize].take() {
-            return Some(held.particle);
+        if let Some(particle) = self.drop_held(hand) {
+            return Some(particle);
         }
         let at_m = self.is_m[hand as usize]?;
         let pinned = self.nearest(at_m, |particle| self.pinned_m.contains_key(&particle))?;
@@ -285,6 +284,13 @@ impl Hands {
         let at_m = self.state.positions_m[held.particle as usize];
         let near = body.and_then(|body| body.signed_distance(at_m, self.reach_m));
         Some(near.map_or(at_m, |near| near.place_m + near.normal * self.model.clearance_m()))
+    }
+
+    /// Whether what the hand holds is within its reach of a body.
+    #[must_use]
+    pub fn is_at_body(&self, hand: Hand, body: Option<&Body>) -> bool {
+        let held_m = self.held[hand as usize].map(|held| self.state.positions_m[held.particle as usize]);
+        held_m.zip(body).is_some_and(|(at_m, body)| body.signed_distance(at_m, self.reach_m).is_some())
     }
 
     /// Pins what the hand holds there; the hand is free then. Which one.
@@ -305,7 +311,7 @@ impl Hands {
 
     /// The hand takes scissors, and puts down what it holds: from here on its path is what will be cut.
     pub fn take_scissors(&mut self, hand: Hand) {
-        self.held[hand as usize] = None;
+        self.drop_held(hand);
         self.scissors_m[hand as usize] = Some(self.seen_m[hand as usize].into_iter().collect());
     }
 
@@ -372,6 +378,7 @@ impl Hands {
         let positions_m = carried.pop().expect("places and velocities");
         let sheet = Sheet::from_flat(&flat.places_m, &flat.triangles, &positions_m)?;
         self.solver = Solver::of(&self.model, &sheet)?;
+        self.far_m.clear();
         let went_m_per_s = vec![0.0; positions_m.len()];
         self.state = State { positions_m, velocities_m_per_s, steps: self.state.steps, went_m_per_s };
         (self.flat, self.sheet) = (flat, sheet);
@@ -387,7 +394,8 @@ impl Hands {
         if places_m.len() != particles || places_m.iter().any(|place_m| !place_m.is_finite()) {
             return Err(HandsError::Places { given: places_m.len(), particles });
         }
-        self.held = [None; 2];
+        self.drop_held(Hand::Left);
+        self.drop_held(Hand::Right);
         let pinned: Vec<u32> = self.pinned_m.keys().copied().collect();
         pinned.into_iter().for_each(|particle| self.unpin(particle));
         self.state.positions_m = places_m.to_vec();
@@ -427,25 +435,71 @@ impl Hands {
 
     /// One step of the cloth. What a hand has pulled away from slips out of it.
     pub fn step(&mut self, body: Option<&Body>) -> Stepped {
+        self.tie();
         let step_s = self.model.step_s();
-        let mut drawn = Vec::new();
         for hand in 0..2 {
             let (Some(seen_m), Some(is_m)) = (self.seen_m[hand], &mut self.is_m[hand]) else { continue };
             *is_m += (seen_m - *is_m).clamp_length_max(FASTEST_M_PER_S * step_s);
             let Some(held) = self.held[hand] else { continue };
-            let place_m = *is_m + held.from_hand_m;
-            if place_m.distance(self.state.positions_m[held.particle as usize]) > SLIPS_M {
+            let wanted_m = *is_m + held.from_hand_m;
+            let place_m = self.allowed_m(held.particle, wanted_m);
+            if place_m.distance(wanted_m) > SLIPS_M || self.is_stretched(held.particle) {
                 self.held[hand] = None;
+                self.solver.let_go(held.particle);
                 continue;
             }
-            drawn.push(Attachment { particle: held.particle, place_m, stiffness_n_per_m: DRAWS_N_PER_M });
+            let at_m = self.state.positions_m[held.particle as usize];
+            let way_m = (place_m - at_m).clamp_length_max(FASTEST_M_PER_S * step_s);
+            self.solver.hold(held.particle, at_m + way_m);
         }
         for (&particle, place_m) in &self.pinned_m {
             let at_m = self.state.positions_m[particle as usize];
             let way_m = (*place_m - at_m).clamp_length_max(PINNED_M_PER_S * step_s);
             self.solver.hold(particle, at_m + way_m);
         }
-        self.solver.step(&drawn, body, &mut self.state)
+        self.solver.step(body, &mut self.state)
+    }
+
+    /// Tethers the cloth to what is held and pinned now.
+    fn tie(&mut self) {
+        let held = self.held.iter().flatten().map(|held| held.particle);
+        let anchors: BTreeSet<u32> = held.chain(self.pinned_m.keys().copied()).collect();
+        if self.far_m.keys().eq(&anchors) {
+            return;
+        }
+        self.far_m.retain(|particle, _| anchors.contains(particle));
+        for particle in anchors {
+            self.far_m.entry(particle).or_insert_with(|| along_cloth_m(&self.sheet, particle));
+        }
+        if let Solver::Woven(drape) = &mut self.solver {
+            drape.tether(&tethers(&self.far_m));
+        }
+    }
+
+    /// The place near a wanted one that is no farther from all else that is held than the cloth between is long.
+    fn allowed_m(&self, particle: u32, wanted_m: DVec3) -> DVec3 {
+        let mut place_m = wanted_m;
+        for _ in 0..3 {
+            for (&other, far_m) in self.far_m.iter().filter(|(other, _)| **other != particle) {
+                place_m = within_m(place_m, self.state.positions_m[other as usize], far_m[particle as usize]);
+            }
+        }
+        place_m
+    }
+
+    /// Whether the threads at a particle are stretched beyond what fingers hold.
+    fn is_stretched(&self, particle: u32) -> bool {
+        self.sheet.edges_at(particle as usize).iter().any(|end| {
+            let edge = &self.sheet.edges()[*end as usize / 2];
+            let [a, b] = edge.ends.map(|end| self.state.positions_m[end as usize]);
+            a.distance(b) > edge.rest_m * SLIPS_STRETCHED + SLIPS_LONGER_M
+        })
+    }
+
+    fn drop_held(&mut self, hand: Hand) -> Option<u32> {
+        let held = self.held[hand as usize].take()?;
+        self.solver.let_go(held.particle);
+        Some(held.particle)
     }
 
     fn unpin(&mut self, particle: u32) {

@@ -18,8 +18,9 @@ const STRAIGHT: f64 = 0.98;
 const ALONG: f64 = 0.3;
 /// Least doubled area of a triangle over its longest side squared.
 const THINNEST: f64 = 1e-4;
-/// Cut borders draw back by at most this share of the way to their triangles' middles.
-const DRAWN_BACK: f64 = 0.2;
+/// Cut borders draw back by at most this share of their triangles' height, and where they turn by so many times what they should.
+const DRAWN_BACK: f64 = 0.3;
+const FARTHEST_BACK: f64 = 3.0;
 
 /// How cloth is parted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -333,15 +334,13 @@ impl Net {
         let mut moved = Vec::new();
         for (mine, fan) in &borders {
             if (*mine as usize) < self.places_m.len() {
-                of = *mine as usize;
+                of = *mine;
             }
-            let corners = || fan.iter().flat_map(|triangle| self.triangles[*triangle]);
-            let share = 1.0 / corners().count() as f64;
-            let middle_m: DVec2 = corners().map(|v| self.places_m[v as usize] * share).sum();
-            let back = (0.5 * kerf_m / middle_m.distance(self.places_m[of])).min(DRAWN_BACK);
-            let place_m = self.places_m[of].lerp(middle_m, back);
+            let (triangle, shares) = self.drawn_back(of, fan, 0.5 * kerf_m);
+            let corners = self.triangles[triangle];
+            let place_m: DVec2 = (0..3).map(|i| self.places_m[corners[i] as usize] * shares[i]).sum();
             let values: Vec<DVec3> = (self.carried.iter())
-                .map(|values| values[of].lerp(corners().map(|v| values[v as usize] * share).sum(), back))
+                .map(|values| (0..3).map(|i| values[corners[i] as usize] * shares[i]).sum())
                 .collect();
             moved.push((*mine as usize, place_m, values));
         }
@@ -353,6 +352,54 @@ impl Net {
         }
         self.triangles = parted;
         cut_m
+    }
+
+    /// Where a vertex of a border comes to lie when the border draws back by `back_m` into its own triangles, as a place in one of these: borders stay parallel, and at the
+    /// cloth's outline it goes along that.
+    fn drawn_back(&self, vertex: u32, fan: &[usize], back_m: f64) -> (usize, DVec3) {
+        let at_m = self.places_m[vertex as usize];
+        // Counter-clockwise, the fan begins at one border and ends at the other.
+        let turned = |triangle: &usize| {
+            let [a, b, c] = self.triangles[*triangle];
+            if a == vertex {
+                [b, c]
+            } else if b == vertex {
+                [c, a]
+            } else {
+                [a, b]
+            }
+        };
+        let (firsts, lasts): (Vec<u32>, Vec<u32>) = fan.iter().map(turned).map(|[first, last]| (first, last)).unzip();
+        let first = firsts.iter().find(|v| !lasts.contains(v));
+        let last = lasts.iter().find(|v| !firsts.contains(v));
+        let way = first.zip(last).map_or(DVec2::ZERO, |(&first, &last)| {
+            let ways = [first, last].map(|other| (self.places_m[other as usize] - at_m).normalize_or_zero());
+            let normals = [ways[0].perp(), -ways[1].perp()];
+            let is_cut = [first, last].map(|other| self.cut.contains(&[vertex.min(other), vertex.max(other)]));
+            match is_cut {
+                [true, true] => {
+                    let both = normals[0] + normals[1];
+                    both / (0.5 * both.length_squared()).max(1e-9)
+                }
+                [true, false] => ways[1] / ways[1].dot(normals[0]).max(ALONG),
+                [false, true] => ways[0] / ways[0].dot(normals[1]).max(ALONG),
+                [false, false] => ways[0] + ways[1],
+            }
+        });
+        let mut way_m = (way * back_m).clamp_length_max(FARTHEST_BACK * back_m);
+        let within = |to_m: DVec2| {
+            let shares = fan.iter().map(|triangle| (*triangle, shares(self.corners_m(*triangle), to_m)));
+            shares.max_by(|a, b| a.1.min_element().total_cmp(&b.1.min_element())).expect("a fan has triangles")
+        };
+        for _ in 0..8 {
+            let (triangle, shares) = within(at_m + way_m);
+            let own = self.triangles[triangle].iter().position(|v| *v == vertex).map_or(0.0, |i| shares[i]);
+            if shares.min_element() > -1e-3 && own >= 1.0 - DRAWN_BACK {
+                return (triangle, shares);
+            }
+            way_m *= 0.5;
+        }
+        within(at_m)
     }
 
     /// The triangles at a vertex in groups that edges join which are not cut.
@@ -393,6 +440,7 @@ fn shares([a, b, c]: [DVec2; 3], place_m: DVec2) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::intersections::self_intersections;
     use proptest::prelude::*;
 
     const BLADE: Blade = Blade { kerf_m: 1e-3, moves: true };
@@ -517,6 +565,8 @@ mod tests {
                 let line: Vec<DVec2> = line.into_iter().map(DVec2::from).collect();
                 match part(&flat, &[&rolled(&flat)], &line, Blade { moves, ..BLADE }) {
                     Ok(parted) => {
+                        let crossings = self_intersections(&parted.carried[0], &parted.flat.triangles);
+                        prop_assert!(crossings.is_empty(), "{crossings:?}");
                         cut_m += parted.cut_m;
                         flat = parted.flat;
                     }

@@ -7,7 +7,7 @@
 use crate::body::Body;
 use crate::drape::{State, Stepped};
 use crate::fabric::{FabricError, above_zero, at_least_zero};
-use crate::sheet::{Attachment, Sheet};
+use crate::sheet::Sheet;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -63,8 +63,6 @@ pub struct Springs {
     /// Divisions of a step.
     parts: u32,
     held_m: BTreeMap<usize, DVec3>,
-    attached: Vec<Attachment>,
-    most_pull_n: f64,
     forces_n: Vec<DVec3>,
 }
 
@@ -111,8 +109,6 @@ impl Springs {
             mass_kg,
             parts,
             held_m: BTreeMap::new(),
-            attached: Vec::new(),
-            most_pull_n: f64::INFINITY,
             forces_n: vec![DVec3::ZERO; count],
         })
     }
@@ -125,12 +121,6 @@ impl Springs {
     /// Lets a particle go that was held.
     pub fn let_go(&mut self, particle: usize) {
         self.held_m.remove(&particle);
-    }
-
-    /// Replaces all springs that draw particles somewhere; none draws harder than `most_n`, newtons.
-    pub fn attach(&mut self, attachments: &[Attachment], most_n: f64) {
-        self.attached = attachments.to_vec();
-        self.most_pull_n = most_n;
     }
 
     /// How it steps.
@@ -179,11 +169,6 @@ impl Springs {
             }
         }
         let per_n = part_s * part_s / self.mass_kg;
-        for &Attachment { particle, place_m, stiffness_n_per_m } in &self.attached {
-            let way = place_m - state.positions_m[particle as usize];
-            let pull_n = way * (stiffness_n_per_m / (1.0 + per_n * stiffness_n_per_m));
-            self.forces_n[particle as usize] += pull_n.clamp_length_max(self.most_pull_n);
-        }
         let alpha = (1.0 - drag_per_s * part_s).max(0.0);
         for (particle, at_m) in state.positions_m.iter_mut().enumerate() {
             let from_m = *at_m;

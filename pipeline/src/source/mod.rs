@@ -8,6 +8,7 @@ mod delimited;
 pub mod folder;
 pub mod form_lines;
 pub mod formula;
+pub mod hands_script;
 pub mod import;
 pub mod manifest;
 pub mod masks;

@@ -39,13 +39,13 @@ const STATE_OF: &str = "kitsuke drape-scene ";
 ///
 /// Scenes: kimono (a kimono of the catalog, its base draped anew from a displaced start, held by its obi), hanging, sphere, twist, layers,
 /// cantilever and drape-coefficient (of textile laboratories, with what they measure), sewing (a bag cut from outlines, with curved and eased seams), tight-skirt (on the form of --body, with its pattern), darts
-/// (the same with darts that overlap and darts whose cloth is cut away, one and two to a quarter).
+/// (the same with darts that overlap and darts whose cloth is cut away, one and two to a quarter), hands-move, hands-cut and hands-combine (cloth under the hands of a script, see `hands`; --body puts a body there).
 /// Prints how it goes; ends with the certificate: at rest, outside the body, clear of itself, or what fails and where.
 /// Ctrl-C keeps the state; the same command goes on from it with the same bytes.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene
-    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "sewing", "tight-skirt", "darts"])]
+    #[arg(value_parser = ["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "sewing", "tight-skirt", "darts", "hands-move", "hands-cut", "hands-combine"])]
     scene: String,
     /// Which kimono [default: komon]
     #[arg(long)]
@@ -151,6 +151,9 @@ pub fn run(args: Args) -> ExitCode {
     ended(args.check().and_then(|()| match args.scene.as_str() {
         "tight-skirt" => tight_skirt::draped(&args.on_form(), args.allowance.unwrap_or(10.0)),
         "darts" => darts::draped(&args.on_form()),
+        "hands-move" => args.under_hands(include_str!("../hands/scenes/move.toml")),
+        "hands-cut" => args.under_hands(include_str!("../hands/scenes/cut.toml")),
+        "hands-combine" => args.under_hands(include_str!("../hands/scenes/combine.toml")),
         _ => draped(&args),
     }))
 }
@@ -162,14 +165,17 @@ impl Args {
         const FALLING: &[&str] =
             &["kimono", "hanging", "sphere", "twist", "layers", "cantilever", "drape-coefficient", "sewing"];
         const ON_FORM: &[&str] = &["tight-skirt", "darts"];
+        const WITH_BODY: &[&str] = &["tight-skirt", "darts", "hands-move", "hands-cut", "hands-combine"];
         let options = [
             ("--id", self.id.is_some(), KIMONO),
             ("--pose", self.pose.is_some(), KIMONO),
             ("--start", self.start.is_some(), KIMONO),
             ("--displaced", self.displaced.is_some(), KIMONO),
             ("--parts", self.parts.is_some(), FALLING),
-            ("--body", self.body.is_some(), ON_FORM),
-            ("--unit", self.unit.is_some(), ON_FORM),
+            ("--cloth", self.cloth.is_some(), &[FALLING, ON_FORM].concat()),
+            ("--seconds", self.seconds.is_some(), &[FALLING, ON_FORM].concat()),
+            ("--body", self.body.is_some(), WITH_BODY),
+            ("--unit", self.unit.is_some(), WITH_BODY),
             ("--lines", self.lines.is_some(), ON_FORM),
             ("--length", self.length.is_some(), ON_FORM),
             ("--allowance", self.allowance.is_some(), &["tight-skirt"]),
@@ -184,6 +190,11 @@ impl Args {
             }
         }
         Ok(())
+    }
+
+    fn under_hands(&self, script: &str) -> Result<(), String> {
+        let form = self.body.as_ref().map(|body| FormArgs::of(MeshArgs::of(body, self.unit), None));
+        crate::hands::scene(script, form.as_ref(), &self.out, self.json.as_deref())
     }
 
     /// Which one, which start of it, and how far that is displaced, millimetres.
