@@ -70,6 +70,12 @@ impl Default for Settings {
     }
 }
 
+/// Parts that a step of 1/60 s needs for cloth with cells so large, metres: the finer, the more, or the cloth stretches.
+#[must_use]
+pub fn parts_of_frame(cell_m: f64) -> u32 {
+    (0.2 / cell_m).clamp(8.0, 24.0) as u32
+}
+
 /// A sheet of a woven cloth, ready to be stepped.
 #[derive(Clone, Debug)]
 pub struct Drape {

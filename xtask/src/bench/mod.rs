@@ -3,6 +3,7 @@
 mod cloth;
 mod cloth_peer;
 mod doors;
+mod hands;
 
 use crate::compare_packs;
 use crate::places::{Places, ended, in_workspace, write_whole};
@@ -43,6 +44,9 @@ pub struct Args {
     /// Also measure cloth (about 2 minutes)
     #[arg(long)]
     cloth: bool,
+    /// Also measure cloth under hands, on one core (about a minute)
+    #[arg(long)]
+    hands: bool,
     /// Also measure a cloth solver by others (about 3 minutes; built the first time, which needs the network)
     #[arg(long)]
     cloth_peer: bool,
@@ -83,6 +87,11 @@ fn bench(args: &Args) -> Result<(), String> {
     if args.cloth {
         for (key, value) in cloth::measure(&args.places, &args.garment)? {
             note(key, json!((value * 1e5).round() / 1e5));
+        }
+    }
+    if args.hands {
+        for (key, value) in hands::measure()? {
+            note(key, json!(rounded(value)));
         }
     }
     let frames = measure_frames(garment, &motion.poses);

@@ -83,8 +83,7 @@ impl Session {
         let positions_m: Vec<DVec3> = flat.places_m.iter().map(hung).collect();
         let model = if cloth.is_woven {
             let woven = Woven::preset(&cloth.fabric).ok_or_else(|| format!("there is no fabric {}", cloth.fabric))?;
-            // The finer, the more parts a step needs, or the cloth stretches.
-            let parts = (0.2 / spacing_m.min_element()).clamp(8.0, 24.0) as u32;
+            let parts = drape::parts_of_frame(spacing_m.min_element());
             Model::Woven(woven, drape::Settings { step_s: 1.0 / FRAMES_PER_S, parts, ..drape::Settings::default() })
         } else {
             Model::Springs(springs::Settings { step_s: 1.0 / FRAMES_PER_S, ..springs::Settings::default() })
