@@ -27,6 +27,8 @@ const FILMED: u64 = 15;
 const MOST_PICTURES: usize = 16;
 /// The ground goes so far from the middle, metres.
 const FLOOR_M: f64 = 4.0;
+/// Distance of pins along its waist, metres.
+const PINNED_M: f64 = 0.05;
 /// Cloth that is laid on a form lies so far outside, metres.
 const LAID_OUT_M: f64 = 0.006;
 
@@ -196,7 +198,9 @@ impl Session {
             Act::Map => {
                 let form = self.form.as_ref().ok_or("there is no form to lay it on: give --body")?.skirt();
                 self.hands.lay(&mapped(&form, self.hands.flat())).map_err(|error| error.to_string())?;
-                "laid on the form".to_owned()
+                let pins = waist_pins(self.hands.flat());
+                pins.iter().for_each(|particle| self.hands.pin_particle(*particle));
+                format!("laid on the form with {} pins along its waist", pins.len())
             }
         };
         Ok(done)
@@ -316,6 +320,22 @@ fn mapped(form: &Form, flat: &Flat) -> Vec<DVec3> {
         darts: Vec::new(),
     };
     flat.places_m.iter().map(|at| mapping.place_m(*at, 0)).collect()
+}
+
+/// Particles of the upper border that a dressmaker pins, about [`PINNED_M`] apart.
+fn waist_pins(flat: &Flat) -> Vec<u32> {
+    let highest_m = flat.places_m.iter().map(|at| at.y).fold(f64::NEG_INFINITY, f64::max);
+    let weft_m = |v: &u32| flat.places_m[*v as usize].x;
+    let mut upper: Vec<u32> =
+        (0..flat.places_m.len() as u32).filter(|v| flat.places_m[*v as usize].y > highest_m - 1e-6).collect();
+    upper.sort_by(|a, b| weft_m(a).total_cmp(&weft_m(b)));
+    let mut pins: Vec<u32> = Vec::new();
+    for (i, v) in upper.iter().enumerate() {
+        if i + 1 == upper.len() || pins.last().is_none_or(|last| weft_m(v) - weft_m(last) >= PINNED_M) {
+            pins.push(*v);
+        }
+    }
+    pins
 }
 
 /// Pieces of cloth that hang together.
