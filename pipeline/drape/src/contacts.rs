@@ -4,9 +4,7 @@
 use crate::near_pairs::NearPair;
 use glam::DVec3;
 
-/// How fast cloth that lies too near to something is moved away from it at most, metres per second; and the share of what is missing in a part
-/// of a step, so that it settles instead of being thrown to and fro.
-const APART_M_PER_S: f64 = 0.1;
+/// Of what is missing, the share that is mended in a part of a step, so that cloth settles instead of being thrown to and fro.
 const APART: f64 = 0.1;
 /// Neighbours in the mesh keep this share of the thickness only, and of the height of their triangles: their edge holds them apart already.
 pub const OF_NEIGHBOURS: f64 = 0.3;
@@ -36,6 +34,8 @@ pub struct Part<'a> {
     pub inverse_kg: &'a [f64],
     /// Seconds.
     pub part_s: f64,
+    /// How fast what was too near is moved apart at most, metres per second.
+    pub apart_m_per_s: f64,
     /// Shares of the body's way in this step: what is left after the part, and what it goes in it.
     pub way_left: f64,
     /// See above.
@@ -45,7 +45,7 @@ pub struct Part<'a> {
 impl Part<'_> {
     /// How far what was too near by `old_m` goes apart, slowly and without a velocity.
     fn apart_m(&self, old_m: f64) -> f64 {
-        (APART * old_m).min(APART_M_PER_S * self.part_s)
+        (APART * old_m).min(self.apart_m_per_s * self.part_s)
     }
 
     /// Cloth against cloth keeps its thickness, neighbours what each of them asks for.

@@ -49,6 +49,9 @@ pub struct Settings {
     pub deepest_m: f64,
     /// What presses cloth that is near the body onto it, N/m²: hands that smooth it.
     pub pressure_n_per_m2: f64,
+    /// How fast cloth that lies too near to something is moved away from it at most, without a velocity, metres per second, above 0. Where hands press
+    /// cloth into grooves of a body, which of their sides is nearest changes from look to look; slowly, that moves it less than rest allows.
+    pub apart_m_per_s: f64,
     /// Whether cloth keeps clear of itself; without, a step is faster.
     pub meets_itself: bool,
     /// Metres per second squared, along Y.
@@ -64,6 +67,7 @@ impl Default for Settings {
             clearance_m: 0.004,
             deepest_m: 0.02,
             pressure_n_per_m2: 0.0,
+            apart_m_per_s: 0.1,
             meets_itself: true,
             gravity_m_per_s2: -9.81,
         }
@@ -207,6 +211,7 @@ impl Drape {
         above_zero("clearance_m", settings.clearance_m)?;
         at_least_zero("deepest_m", settings.deepest_m)?;
         at_least_zero("pressure_n_per_m2", settings.pressure_n_per_m2)?;
+        above_zero("apart_m_per_s", settings.apart_m_per_s)?;
         at_least_zero("gravity_m_per_s2", settings.gravity_m_per_s2.abs())?;
         let patches = Patches::of(sheet.positions_m());
         let placed = |particle: u32| patches.place_of[particle as usize];
@@ -440,6 +445,7 @@ impl Drape {
             were_m,
             inverse_kg: &self.inverse_kg,
             part_s,
+            apart_m_per_s: self.settings.apart_m_per_s,
             way_left: f64::from(left - 1) / parts,
             way_now: 1.0 / parts,
         };

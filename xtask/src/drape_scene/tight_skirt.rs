@@ -23,6 +23,8 @@ use std::time::Instant;
 pub const MARKS_M: f64 = 0.01;
 /// How much farther out the sewn skirt begins than where the first drape was, metres.
 pub const AWAY_M: f64 = 0.01;
+/// How fast cloth that is pressed into a groove of the form is moved out of it, metres per second.
+const APART_M_PER_S: f64 = 0.005;
 /// Of the form's depth maps, metres.
 const DEPTH_CELL_M: f64 = 0.002;
 /// By the papers' forces a half has so many steps, and rests below so much of a particle's weight.
@@ -41,7 +43,12 @@ pub fn draped(on: &OnForm, allowance_mm: f64) -> Result<(), String> {
     let design = Design { length_m: on.length_m, ..Design::default() };
     let mut halves = laid_on(&taut, &design, CLEARANCE_M, 2.0 * THICKNESS_M).map_err(|error| error.to_string())?;
     let woven = on_form(on.woven);
-    let draping = Draping { body: &taut_body, woven: &woven, settings: smoothed(), most_s: on.most_s };
+    let draping = Draping {
+        body: &taut_body,
+        woven: &woven,
+        settings: Settings { apart_m_per_s: APART_M_PER_S, ..smoothed() },
+        most_s: on.most_s,
+    };
     let mut unrested = Vec::new();
     let mut drape_s = Vec::new();
     for half in &mut halves {
