@@ -128,7 +128,9 @@ fn a_skirt_that_does_not_rest_says_which_part_and_why() {
     assert!(folder.path().join("tight-skirt.png").is_file(), "what does not rest is shown as well");
 }
 
+/// The crate's own tests drape both kinds in CI; here are the command and its figures.
 #[test]
+#[ignore = "half a minute: cargo test --profile bench --package kitsuke-tests --test suites -- --ignored darts"]
 fn darts_of_both_kinds_rest_nearly_at_the_same_places() {
     let folder = tempfile::tempdir().unwrap();
     let body = repository().join("assets-src/bodies/b04.glb");

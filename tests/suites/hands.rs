@@ -3,8 +3,9 @@
 
 use kitsuke_tests::doors::repository;
 use std::fs;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 
 fn xtask(arguments: &[&str], out: &Path) -> Option<Output> {
     let xtask = repository().join("target/release/xtask");
@@ -82,6 +83,46 @@ fn a_kinect_moves_cloth_and_its_session_does_it_again() {
     let Some(output) = xtask(&arguments, out.path()) else { return };
     assert!(said(&output).contains("both move"));
     assert!(figure(out.path(), "frames") > 250.0 && figure(out.path(), "strain_mean") < 0.03);
+    assert_replays(out.path());
+}
+
+/// Ends it when a test fails before it does.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_live_wearer_moves_cloth_and_the_session_does_it_again() {
+    let motion = repository().join("assets-src/motions/two_arms.bvh");
+    let xtask = repository().join("target/release/xtask");
+    if !xtask.exists() || !repository().join("catalog/packs").is_dir() {
+        eprintln!("skipped: no command or no pack (cargo xtask build-catalog)");
+        return;
+    }
+    let out = tempfile::tempdir().unwrap();
+    let mut command = Command::new(&xtask);
+    command.args(["hands", "--vmc", "127.0.0.1:0", "--seconds", "4", "--move", "--particles", "12", "--filter"]);
+    command.arg("one-euro").arg("--out").arg(out.path()).arg("--json").arg(out.path().join("figures.json"));
+    command.current_dir(repository()).stdout(Stdio::piped());
+    let mut hands = Ended(command.spawn().unwrap());
+    let mut said = BufReader::new(hands.0.stdout.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().strip_prefix("listens at ").unwrap_or_else(|| panic!("{line}"));
+    let mut command = Command::new(&xtask);
+    command.arg("replay").arg(&motion).args(["--vmc", address, "--times", "3"]).current_dir(repository());
+    let sender = Ended(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert!(hands.0.wait().unwrap().success(), "{rest}");
+    drop(sender);
+    assert!(rest.contains("both move"), "{rest}");
+    assert!(figure(out.path(), "frames") > 60.0 && figure(out.path(), "strain_mean") < 0.05, "{rest}");
     assert_replays(out.path());
 }
 

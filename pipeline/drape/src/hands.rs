@@ -6,14 +6,14 @@ use crate::body::Body;
 use crate::drape::{self, Drape, State, Stepped};
 use crate::fabric::{FabricError, above_zero};
 use crate::intersections::self_intersections;
-use crate::parting::{Blade, PartError, part};
+use crate::parting::{Blade, PartError, Parted, part};
 use crate::scissors::{Layers, lines_on};
 use crate::sheet::{Sheet, SheetError};
 use crate::slit::Flat;
 use crate::springs::{self, Springs};
 use crate::tethers::{along_cloth_m, tethers, within_m};
 use crate::woven::Woven;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Who pulls farther than this has nothing in the hand any more, metres.
@@ -344,31 +344,19 @@ impl Hands {
         let mut problem = HandsError::Part(PartError::Misses);
         // Vertices that come onto the line leave the cloth's surface by a hair; where layers lie close, they stay.
         for moves in [true, false] {
-            let blade = Blade { kerf_m: KERF_M, moves };
-            let mut flat = self.flat.clone();
-            let mut carried = vec![self.state.positions_m.clone(), self.state.velocities_m_per_s.clone()];
-            let mut cut_m = 0.0;
-            for line in &lines {
-                let given: Vec<&[DVec3]> = carried.iter().map(Vec::as_slice).collect();
-                match part(&flat, &given, line, blade) {
-                    Ok(parted) => {
-                        cut_m += parted.cut_m;
-                        (flat, carried) = (parted.flat, parted.carried);
+            let carried = vec![self.state.positions_m.clone(), self.state.velocities_m_per_s.clone()];
+            match part_along(&self.flat, carried, &lines, Blade { kerf_m: KERF_M, moves }) {
+                Ok(parted) => {
+                    let crossings = || self_intersections(&parted.carried[0], &parted.flat.triangles).len();
+                    if matches!(self.model, Model::Woven(..)) && crossings() > before {
+                        problem = HandsError::Close;
+                        continue;
                     }
-                    Err(PartError::Misses) => {}
-                    Err(error) => problem = error.into(),
+                    self.becomes(parted.flat, parted.carried)?;
+                    return Ok(parted.cut_m);
                 }
+                Err(error) => problem = error.into(),
             }
-            if cut_m == 0.0 {
-                continue;
-            }
-            if matches!(self.model, Model::Woven(..)) && self_intersections(&carried[0], &flat.triangles).len() > before
-            {
-                problem = HandsError::Close;
-                continue;
-            }
-            self.becomes(flat, carried)?;
-            return Ok(cut_m);
         }
         Err(problem)
     }
@@ -521,5 +509,43 @@ impl Hands {
             }
         }
         best.map(|(_, particle)| particle)
+    }
+}
+
+/// Cuts along every line that meets the cloth, or along none. `carried` has a value for each vertex.
+fn part_along(
+    flat: &Flat,
+    carried: Vec<Vec<DVec3>>,
+    lines_m: &[Vec<DVec2>],
+    blade: Blade,
+) -> Result<Parted, PartError> {
+    let mut all = Parted { flat: flat.clone(), carried, cut_m: 0.0 };
+    for line_m in lines_m {
+        let carried: Vec<&[DVec3]> = all.carried.iter().map(Vec::as_slice).collect();
+        match part(&all.flat, &carried, line_m, blade) {
+            Ok(parted) => all = Parted { cut_m: all.cut_m + parted.cut_m, ..parted },
+            Err(PartError::Misses) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    if all.cut_m > 0.0 { Ok(all) } else { Err(PartError::Misses) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_lines_are_cut_or_none() {
+        let flat = Flat::rectangle(DVec2::ZERO, 10, 10, DVec2::splat(0.02));
+        let blade = Blade { kerf_m: KERF_M, moves: true };
+        let along = |lines_m: &[Vec<DVec2>]| part_along(&flat, Vec::new(), lines_m, blade).map(|parted| parted.cut_m);
+        let across = |y_m: f64| vec![DVec2::new(-0.1, y_m), DVec2::new(0.3, y_m)];
+        let both_m = along(&[across(0.05), across(0.15)]).unwrap();
+        assert!((both_m - 0.4).abs() < 1e-9, "{both_m}");
+        assert_eq!(along(&[across(0.05), across(f64::NAN)]), Err(PartError::Line), "nothing is cut, and why is said");
+        let beside_too_m = along(&[across(0.5), across(0.05)]).unwrap();
+        assert!((beside_too_m - 0.2).abs() < 1e-9, "what misses the cloth is no mistake: {beside_too_m}");
+        assert_eq!(along(&[across(0.5)]), Err(PartError::Misses));
     }
 }

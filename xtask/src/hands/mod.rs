@@ -59,7 +59,7 @@ pub struct Args {
     /// The body's unit, where its file does not say it
     #[arg(long, value_parser = unit, requires = "body")]
     unit: Option<LengthUnit>,
-    /// End after so many seconds [default: with the script or motion; live, on Ctrl-C]
+    /// End after so many seconds, an hour at most [default: with the script or motion; live, on Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Smooth the skeleton
@@ -181,7 +181,8 @@ fn recorded(args: &Args, path: &Path, wearer: &Skeleton, session: &mut Session) 
     }
     let last_s = recording.times_s.last().copied().unwrap_or(0.0);
     let mut watcher = Watcher { wearer, gestures: Gestures::default(), begins_with_move: args.r#move };
-    while session.time_s() <= args.seconds.unwrap_or(last_s) {
+    let end_s = args.seconds.unwrap_or(last_s);
+    while session.time_s() <= end_s && !session.is_full() {
         let time_s = session.time_s();
         let after = recording.times_s.partition_point(|known_s| *known_s <= time_s).max(1);
         let Some(frame) = recording.frames.get(after - 1) else { break };
@@ -205,6 +206,7 @@ fn live(args: &Args, address: SocketAddr, wearer: &Skeleton, session: &mut Sessi
     let frame_s = 1.0 / FRAMES_PER_S;
     let (mut frames, mut let_go, mut reported) = (0_u64, 0_u64, 0_u64);
     while !is_stopped.load(Ordering::Relaxed)
+        && !session.is_full()
         && args.seconds.is_none_or(|seconds| began.elapsed().as_secs_f64() < seconds)
     {
         let due = began + Duration::from_secs_f64((frames + let_go) as f64 * frame_s);
@@ -234,6 +236,9 @@ fn live(args: &Args, address: SocketAddr, wearer: &Skeleton, session: &mut Sessi
 
 fn finished(session: Session, out: &Path, json: Option<&Path>) -> Result<(), String> {
     say!("{}", session.told());
+    if session.is_full() {
+        say!("ended after {} seconds, the longest session", hands_script::LONGEST_S);
+    }
     picture::write(&out.join("hands.png"), &session)?;
     let hands = session.hands();
     write_whole(&out.join("cloth.obj"), |file| {

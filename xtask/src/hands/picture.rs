@@ -45,16 +45,21 @@ impl Lit {
     }
 }
 
+/// Cloth that is farther from where it began is not in the pictures, metres.
+const SHOWN_M: f32 = 2.0;
+
 /// Writes the strip: all pictures show the same part of space, from slightly above and beside the wearer; the end also from behind the cloth.
 pub fn write(path: &Path, session: &Session) -> Result<(), String> {
     let mut film: Vec<Shown> = session.film().to_vec();
     film.push(session.shown());
-    // The part of the ground beside the cloth is seen; cloth that lies elsewhere is not.
+    // All that happens near where the cloth began is seen, with the ground beside it; what was thrown farther is not.
     let surface = session.body().surface();
     let body = Lit::of(surface.positions_m(), surface.triangles(), BODY, None);
-    let first = film.iter().take(1).flat_map(|shown| shown.positions_m.iter().map(|p| p.as_vec3()));
+    let began_m = film.first().and_then(|shown| shown.positions_m.first()).map_or(Vec3::ZERO, |at_m| at_m.as_vec3());
+    let cloth = film.iter().flat_map(|shown| shown.positions_m.iter().map(|at_m| at_m.as_vec3()));
+    let near = cloth.filter(|at_m| at_m.distance(began_m) < SHOWN_M);
     let person = body.positions_m.iter().copied().filter(|at_m| at_m.y > 0.0);
-    let mut places_m: Vec<Vec3> = first.chain(person).collect();
+    let mut places_m: Vec<Vec3> = near.chain(person).collect();
     places_m.extend(places_m.clone().into_iter().map(|at_m| at_m * Vec3::new(1.0, 0.0, 1.0)));
     let body = Some(body);
     let [front, behind] = [Vec3::new(0.5, 0.35, 1.0), Vec3::new(0.5, 0.35, -1.0)].map(|side| around(&places_m, side));

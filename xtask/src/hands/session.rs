@@ -14,7 +14,7 @@ use kitsuke_drape::scissors::Layers;
 use kitsuke_drape::slit::Flat;
 use kitsuke_drape::springs;
 use kitsuke_drape::woven::Woven;
-use kitsuke_pipeline::source::hands_script::{Act, ClothPlan, HandsScript, Moment};
+use kitsuke_pipeline::source::hands_script::{Act, ClothPlan, HandsScript, LONGEST_S, Moment};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
@@ -115,6 +115,11 @@ impl Session {
     /// When the next frame is, seconds.
     pub fn time_s(&self) -> f64 {
         self.frame as f64 / FRAMES_PER_S
+    }
+
+    /// Whether it is as long as a script may be: what is longer could not be played again.
+    pub fn is_full(&self) -> bool {
+        self.time_s() >= LONGEST_S
     }
 
     pub fn hands(&self) -> &Hands {
