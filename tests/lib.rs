@@ -6,6 +6,7 @@ pub mod doll;
 pub mod doors;
 pub mod hostile;
 pub mod motions;
+pub mod player;
 pub mod random;
 
 use glam::{DVec3, Quat, Vec2, Vec3};

@@ -2,13 +2,14 @@
 //! contents of what is computed from it.
 //!
 //! Each folder is a room that stands on the rooms below it and knows none above: `catalog` on `build` on `measure` on
-//! `stages`; `load` on `check` on `source`; `meshlab` on `source`; `look` on `ir`.
+//! `stages`; `load` on `check` on `source`; `meshlab` on `source`; `look` on `ir`; `export` on `stages`.
 
 mod build;
 pub mod catalog;
 pub mod check;
 pub mod diagnostic;
 mod draft;
+pub mod export;
 pub mod ir;
 pub mod light;
 mod load;

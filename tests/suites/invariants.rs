@@ -105,7 +105,7 @@ fn rooms_stand_on_the_floors_below_them() {
     let pipeline: &[&[&str]] = &[
         &["diagnostic", "ir", "light", "memo"],
         &["source", "look", "stages"],
-        &["check", "measure", "meshlab"],
+        &["check", "export", "measure", "meshlab"],
         &["scans", "build", "draft"],
         &["load"],
         &["catalog"],

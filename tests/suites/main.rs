@@ -12,6 +12,7 @@ mod doors_csharp;
 mod doors_view;
 mod doors_web;
 mod drape_scene;
+mod export_glb;
 mod exports;
 mod fit;
 mod fit_data;

@@ -12,6 +12,7 @@ mod compare_registration;
 mod covered;
 mod drape_scene;
 mod evaluate;
+mod export;
 mod fit;
 mod form;
 mod hands;
@@ -59,6 +60,7 @@ enum Verb {
     Covered(covered::Args),
     DrapeScene(drape_scene::Args),
     Evaluate(evaluate::Args),
+    Export(export::Args),
     Fit(fit::Args),
     Form(form::Args),
     Hands(hands::Args),
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
         Verb::Covered(args) => covered::run(args),
         Verb::DrapeScene(args) => drape_scene::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Export(args) => export::run(args),
         Verb::Fit(args) => fit::run(args),
         Verb::Form(args) => form::run(args),
         Verb::Hands(args) => hands::run(args),
