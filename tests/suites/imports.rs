@@ -547,10 +547,8 @@ fn strips_and_fans_are_triangles_and_lines_are_passed_over() {
 #[test]
 fn what_is_wrong_with_a_gltf_is_said() {
     let with = |change: fn(&mut Value)| refusal("mesh.glb", glb(&gltf(1.0, |root, _| change(root))));
-    for (extension, name) in [("KHR_draco_mesh_compression", "Draco"), ("EXT_meshopt_compression", "meshopt")] {
-        let file = gltf(1.0, |root, _| root["extensionsRequired"] = json!([extension]));
-        assert!(refusal("mesh.glb", glb(&file)).contains(&format!("compressed with {name}")));
-    }
+    let draco = with(|root| root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]));
+    assert!(draco.contains("compressed with Draco"), "{draco}");
     assert!(with(|root| root["accessors"][0]["count"] = json!(7)).contains("names vertex 7, but has 7"));
     assert!(with(|root| root["accessors"][1]["count"] = json!(7)).contains("7 texture coordinates for 8 vertices"));
     assert!(with(|root| root["accessors"][0]["count"] = json!(4_000_000_000_u32)).contains("beyond its buffer"));
@@ -562,6 +560,137 @@ fn what_is_wrong_with_a_gltf_is_said() {
         let said = read_in("mesh.gltf", file.to_string().as_bytes(), Some(Path::new("."))).expect_err(uri);
         assert!(said.contains("a buffer cannot be read"), "{said}");
     }
+}
+
+/// What gltfpack wrote; see the README there.
+fn packed(name: &str) -> ImportedMesh {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("gltfpack").join(name);
+    read(name, &fs::read(path).unwrap())
+}
+
+/// The triangles of a mesh, sorted by their texture coordinates, since gltfpack orders vertices for the codec; and where their corners lie.
+fn surface(mesh: &ImportedMesh) -> Vec<[(String, DVec3); 3]> {
+    let corner = |t: usize, i: usize| (format!("{:.6}", mesh.uv[t][i]), mesh.positions[mesh.triangles[t][i] as usize]);
+    let in_order = |t: usize| {
+        let mut corners = [0, 1, 2].map(|i| corner(t, i));
+        let least = (0..3).min_by_key(|&i| corners[i].0.clone()).unwrap();
+        corners.rotate_left(least);
+        corners
+    };
+    let mut triangles: Vec<_> = (0..mesh.triangles.len()).map(in_order).collect();
+    triangles.sort_by_key(|corners| corners.clone().map(|(uv, _)| uv));
+    triangles
+}
+
+#[test]
+fn what_gltfpack_compressed_is_what_it_did_not_compress() {
+    // It rounds floats that it compresses.
+    let pairs = [("quantised.glb", "quantised-cc.glb", 0.0), ("floats.glb", "floats-cz.glb", 1e-4)];
+    for (plain, compressed, tolerance_m) in pairs {
+        let [plain, compressed] = [plain, compressed].map(packed);
+        assert_eq!((plain.positions.len(), plain.triangles.len()), (48, 70));
+        assert_eq!(plain.parts, compressed.parts);
+        let [plain, compressed] = [plain, compressed].map(|mesh| surface(&mesh).concat());
+        for ((uv, place), (own_uv, own_place)) in plain.iter().zip(&compressed) {
+            assert!(uv == own_uv && own_place.distance(*place) <= tolerance_m, "{own_uv} {own_place}; {uv} {place}");
+        }
+    }
+    // A transform of the texture undoes the quantisation of its coordinates: the sheet has the whole picture.
+    let uv = || packed("quantised-cc.glb").uv.into_iter().flatten();
+    let most = uv().fold(Vec2::MIN, Vec2::max);
+    let least = uv().fold(Vec2::MAX, Vec2::min);
+    assert!(least.abs_diff_eq(Vec2::ZERO, 1e-3) && most.abs_diff_eq(Vec2::ONE, 1e-3), "{least} {most}");
+}
+
+/// A file whose views are all compressed, as meshopt would write them if nothing repeated: indices in sequence, rows as literal deltas.
+fn compressed(change: impl Fn(&mut Value, &mut Vec<u8>)) -> Vec<u8> {
+    let (mut root, data) = gltf(1.0, |_, _| {});
+    let mut packed: Vec<u8> = Vec::new();
+    for (number, stride) in [12, 8, 2, 12].into_iter().enumerate() {
+        let view = &mut root["bufferViews"][number];
+        let whole = |name: &str| view[name].as_u64().unwrap() as usize;
+        let (offset, length) = (whole("byteOffset"), whole("byteLength"));
+        let rows = &data[offset..offset + length];
+        let (first, count) = (packed.len(), length / stride);
+        let mode = if stride == 2 {
+            let mut before = 0;
+            packed.push(0xd1);
+            for row in rows.chunks(2) {
+                let index = i32::from(row[0]);
+                let step = index - before;
+                packed.push((((step << 1) ^ (step >> 31)) << 1) as u8);
+                before = index;
+            }
+            packed.extend([0; 4]);
+            "INDICES"
+        } else {
+            packed.push(0xa1);
+            packed.extend(vec![0xff; stride / 4]);
+            for byte in 0..stride {
+                let mut before = rows[byte];
+                for row in rows.chunks(stride) {
+                    let step = row[byte].wrapping_sub(before) as i8;
+                    packed.push(((step << 1) ^ (step >> 7)) as u8);
+                    before = row[byte];
+                }
+            }
+            let tail = stride + stride / 4;
+            packed.extend(vec![0; 24_usize.saturating_sub(tail)]);
+            packed.extend(&rows[..stride]);
+            packed.extend(vec![0; stride / 4]);
+            "ATTRIBUTES"
+        };
+        view["buffer"] = json!(1);
+        view["extensions"]["KHR_meshopt_compression"] = json!({
+            "buffer": 0, "byteOffset": first, "byteLength": packed.len() - first, "byteStride": stride, "count": count, "mode": mode,
+        });
+    }
+    root["buffers"] = json!([{"byteLength": 0}, {"byteLength": data.len()}]);
+    root["extensionsRequired"] = json!(["KHR_meshopt_compression"]);
+    change(&mut root, &mut packed);
+    root["buffers"][0]["byteLength"] = json!(packed.len());
+    glb(&(root, packed))
+}
+
+#[test]
+fn compressed_views_are_held_against_what_the_file_says_of_them() {
+    assert_same("compressed", &read("mesh.glb", &compressed(|_, _| {})), 1.0);
+    let with = |view: usize, name: &'static str, value: Value| {
+        let file = compressed(|root, _| {
+            root["bufferViews"][view]["extensions"]["KHR_meshopt_compression"][name] = value.clone()
+        });
+        refusal("mesh.glb", file)
+    };
+    let check = |said: String, wanted: &str| assert!(said.contains(wanted), "{said}");
+    check(
+        with(0, "count", json!(9)),
+        "buffer view 0 is compressed (meshopt), but its byteLength or byteStride is not that of 9 rows",
+    );
+    check(with(2, "byteStride", json!(4)), "is not that of 21 rows of 4 bytes");
+    check(with(1, "mode", json!("VERTICES")), "its mode is none of ATTRIBUTES");
+    check(with(1, "filter", json!("ZIGZAG")), "its filter is none of NONE");
+    check(with(1, "byteOffset", json!(-1)), "its byteOffset is no whole number");
+    check(with(3, "buffer", json!(7)), "buffer view 3 cannot be decompressed (meshopt): it reaches beyond its buffer");
+    check(with(3, "byteLength", json!(u64::MAX)), "reaches beyond its buffer");
+    check(with(3, "byteLength", json!(100)), "end early");
+    check(with(2, "mode", json!("TRIANGLES")), "no version that is known");
+    check(with(2, "count", json!(u64::MAX)), "its size is no number");
+    let huge = compressed(|root, _| {
+        root["bufferViews"][0]["byteLength"] = json!(12 << 25);
+        root["bufferViews"][0]["extensions"]["KHR_meshopt_compression"]["count"] = json!(1 << 25);
+    });
+    check(refusal("mesh.glb", huge), "hold more than 256 MB");
+    let large = compressed(|root, _| {
+        root["bufferViews"][0]["byteLength"] = json!(12 << 20);
+        root["bufferViews"][0]["extensions"]["KHR_meshopt_compression"]["count"] = json!(1 << 20);
+    });
+    check(refusal("mesh.glb", large), "more rows than its data can hold");
+    // What stands behind the first row of indices in the file: a step from vertex 0.
+    let beyond = compressed(|root, packed| {
+        let own = &root["bufferViews"][2]["extensions"]["KHR_meshopt_compression"];
+        packed[own["byteOffset"].as_u64().unwrap() as usize + 1] = 0x7c;
+    });
+    check(refusal("mesh.glb", beyond), "names vertex 31, but has 8");
 }
 
 /// FBX text of the mesh: `unit_m` by the header, and nodes and geometry with transforms of their own that the places undo.

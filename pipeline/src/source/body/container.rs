@@ -2,6 +2,7 @@
 //! What a body does not need (pictures, materials, animations) is taken out first, since the glTF library refuses whole files for faults
 //! and novelties there; who wants to know how a mesh looks gets them as they stand ([`Looks`]). Knows no skeleton.
 
+use super::compressed::Compressed;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use kitsuke::skeleton::Bone;
@@ -24,12 +25,8 @@ const UNNEEDED: [&str; 9] = [
     "extensionsUsed",
     "extensionsRequired",
 ];
-/// Extensions without which vertices cannot be read, and what people call them.
-const PACKED: [(&str, &str); 3] = [
-    ("KHR_draco_mesh_compression", "Draco"),
-    ("EXT_meshopt_compression", "meshopt"),
-    ("KHR_meshopt_compression", "meshopt"),
-];
+/// An extension without which vertices cannot be read.
+const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// A file's nodes, meshes and skins, and the bytes that they name.
 pub(in crate::source) struct Container {
@@ -81,11 +78,15 @@ fn opened(bytes: &[u8], folder: Option<&Path>, is_needed: impl Fn(&str) -> bool)
         None => format!("this is neither GLB nor glTF text: {error}"),
         Some(_) => unreadable(&error),
     })?;
-    if let Some(name) = packed(&root) {
-        return Err(format!(
-            "its meshes are compressed with {name}, which is not read here: export without compression"
-        ));
+    if root.get("extensionsRequired").and_then(Value::as_array).is_some_and(|all| all.iter().any(|name| name == DRACO))
+    {
+        return Err(
+            "its meshes are compressed with Draco, which is not read here: export without compression, or with \
+                    meshopt (`gltfpack -c`)"
+                .to_owned(),
+        );
     }
+    let compressed = Compressed::taken(&mut root)?;
     let (humanoid, is_vrm0) = humanoid(&root);
     let mut looks = Looks { root: Map::new(), material_of: materials(&mut root) };
     for part in UNNEEDED {
@@ -97,17 +98,21 @@ fn opened(bytes: &[u8], folder: Option<&Path>, is_needed: impl Fn(&str) -> bool)
     let zeros = with_views(&mut root);
     let json = serde_json::to_vec(&root).map_err(|error| unreadable(&error))?;
     let document = gltf::Gltf::from_slice(&json).map_err(|error| unreadable(&error))?.document;
-    let buffers = buffers(&document, folder, blob)?;
+    let buffers = buffers(&document, &compressed, folder, blob)?;
     Ok((Container { document, buffers, zeros, humanoid, is_vrm0 }, looks))
 }
 
-/// The bytes of all buffers.
+/// The bytes of all buffers, decompressed.
 fn buffers(
     document: &gltf::Document,
+    compressed: &Compressed,
     folder: Option<&Path>,
     mut blob: Option<Vec<u8>>,
 ) -> Result<Vec<gltf::buffer::Data>, String> {
     let buffer = |buffer: gltf::Buffer<'_>| {
+        if compressed.stand_ins.contains(&buffer.index()) {
+            return Ok(gltf::buffer::Data(Vec::new()));
+        }
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => blob.take().ok_or("a buffer is to lie in the file, which has none")?,
             gltf::buffer::Source::Uri(uri) => {
@@ -119,7 +124,9 @@ fn buffers(
             false => Ok(gltf::buffer::Data(bytes)),
         }
     };
-    document.buffers().map(buffer).collect()
+    let mut buffers: Vec<_> = document.buffers().take(compressed.own_buffers).map(buffer).collect::<Result<_, _>>()?;
+    buffers.extend(compressed.decoded(&buffers)?);
+    Ok(buffers)
 }
 
 /// What a URI names: data inside the file, or a file in its folder.
@@ -166,12 +173,6 @@ fn materials(root: &mut Map<String, Value>) -> Vec<Vec<Option<usize>>> {
 /// The elements of an array of the root, those that are objects.
 fn objects<'a>(root: &'a mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'a mut Map<String, Value>> {
     root.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten().filter_map(Value::as_object_mut)
-}
-
-/// By what the meshes are compressed.
-fn packed(root: &Map<String, Value>) -> Option<&'static str> {
-    let required = root.get("extensionsRequired")?.as_array()?;
-    PACKED.iter().find(|(extension, _)| required.iter().any(|name| name == extension)).map(|(_, name)| *name)
 }
 
 /// Which nodes a VRM file says are which bones, and whether it is VRM 0.x.

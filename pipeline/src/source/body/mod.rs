@@ -1,11 +1,13 @@
 //! The body: a skinned GLB or VRM in the T-pose. Read once into mesh, joints in the world's axes and weights, then judged. Knows no garment.
 //!
-//! `container.rs` opens the bytes, `numbers.rs` reads rows of numbers, `nodes.rs` says where nodes stand, `joints.rs` which of them are bones,
-//! `pieces.rs` reads meshes, `rest.rs` brings them into the world by the bind matrices, `stance.rs` judges how the body stands, `posed.rs` reads
-//! the pose that a file shows instead.
+//! `container.rs` opens the bytes (`compressed.rs` and `meshopt.rs` decompress them), `numbers.rs` reads rows of numbers, `nodes.rs` says where
+//! nodes stand, `joints.rs` which of them are bones, `pieces.rs` reads meshes, `rest.rs` brings them into the world by the bind matrices,
+//! `stance.rs` judges how the body stands, `posed.rs` reads the pose that a file shows instead.
 
+mod compressed;
 pub(super) mod container;
 mod joints;
+mod meshopt;
 pub(super) mod nodes;
 pub(super) mod numbers;
 pub(super) mod pieces;

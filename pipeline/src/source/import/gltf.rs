@@ -9,7 +9,7 @@ use crate::source::body::numbers::floats;
 use crate::source::body::pieces::piece;
 use crate::source::body::rest::{Rest, skins};
 use crate::source::body::{JOINTS, world_turn};
-use glam::{DMat4, DVec3, Vec2};
+use glam::{Affine2, DMat4, DVec3, Mat2, Vec2};
 use gltf::Semantic;
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
@@ -17,7 +17,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// What to do about a file that is broken.
-const EXPORT: &str = "Export the mesh again as GLB: triangles with POSITION, without compression (Draco, meshopt).";
+const EXPORT: &str = "Export the mesh again as GLB: triangles with POSITION, without Draco compression.";
 
 /// Reads a mesh.
 pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault>) -> Result<ImportedMesh, Fault> {
@@ -49,8 +49,8 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault
             let name = name.unwrap_or("default");
             let part = assembly.part(name, material_name).map_err(fault)?;
             materials.resize(assembly.parts().len(), material);
-            let set = material_value.and_then(texture_set).unwrap_or(0);
-            let uv = texture_coordinates(&file, &primitive, set, piece.positions.len()).map_err(fault)?;
+            let (set, placing) = material_value.and_then(base_colour).map(texture_use).unwrap_or_default();
+            let uv = texture_coordinates(&file, &primitive, set, placing, piece.positions.len()).map_err(fault)?;
             let colours = colours(&file, &primitive, piece.positions.len()).map_err(fault)?;
             let rest = piece.skin.and_then(|skin| skins.get(skin)).map(|skin| skin.shown(&nodes));
             let world = match &rest {
@@ -94,10 +94,19 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault
     Ok(ImportedMesh { texture, unit_m: Some(1.0), axes: Some(Axes { up: DVec3::Y, front }), ..mesh })
 }
 
-/// Which set of texture coordinates a material's colour wants.
-fn texture_set(material: &Value) -> Option<u32> {
-    let texture = base_colour(material)?;
-    u32::try_from(texture.get("texCoord")?.as_u64()?).ok()
+/// Which set of texture coordinates a texture wants, and where on the picture it puts them (KHR_texture_transform, in which gltfpack undoes
+/// quantisation). It turns as that extension's examples say, and as viewers do: from v to u.
+fn texture_use(texture: &Value) -> (u32, Affine2) {
+    let transform = texture.get("extensions").and_then(|all| all.get("KHR_texture_transform"));
+    let own = |name: &str| transform?.get(name);
+    let number = |value: &Value| value.as_f64().map(|number| number as f32);
+    let pair = |name: &str| Some(Vec2::new(number(own(name)?.get(0)?)?, number(own(name)?.get(1)?)?));
+    let set = own("texCoord").or_else(|| texture.get("texCoord")).and_then(Value::as_u64);
+    let (sin, cos) = libm::sincosf(own("rotation").and_then(number).unwrap_or(0.0));
+    let turned = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+    let scaled = Mat2::from_diagonal(pair("scale").unwrap_or(Vec2::ONE));
+    let placing = Affine2::from_mat2_translation(turned * scaled, pair("offset").unwrap_or(Vec2::ZERO));
+    (set.and_then(|set| u32::try_from(set).ok()).unwrap_or(0), placing)
 }
 
 fn base_colour(material: &Value) -> Option<&Value> {
@@ -111,13 +120,18 @@ fn texture_coordinates(
     file: &Container,
     primitive: &gltf::Primitive<'_>,
     set: u32,
+    placing: Affine2,
     count: usize,
 ) -> Result<Option<Vec<Vec2>>, String> {
     let own = primitive.get(&Semantic::TexCoords(set)).or_else(|| primitive.get(&Semantic::TexCoords(0)));
     let Some(accessor) = own else { return Ok(None) };
     let rows = floats::<2>(file, &accessor, Dimensions::Vec2)?;
+    let upwards = |row: [f32; 2]| {
+        let Vec2 { x: u, y: v } = placing.transform_point2(Vec2::from_array(row));
+        Vec2::new(u, 1.0 - v)
+    };
     match rows.len() == count {
-        true => Ok(Some(rows.into_iter().map(|[u, v]| Vec2::new(u, 1.0 - v)).collect())),
+        true => Ok(Some(rows.into_iter().map(upwards).collect())),
         false => Err(format!("there are {} texture coordinates for {count} vertices", rows.len())),
     }
 }
