@@ -22,7 +22,7 @@ pub enum Place {
     /// The file as a whole.
     #[default]
     File,
-    /// A 1-based line.
+    /// A 1-based line; 0 where the file has no lines, which is the file as a whole.
     Line(u32),
     /// A byte range of a text file, shown as a snippet.
     Span(Range<usize>),
@@ -50,6 +50,7 @@ impl Diagnostic {
     #[must_use]
     pub fn error(code: &'static str, file: impl Into<String>, place: Place) -> Diagnostic {
         let (file, problem, help) = (file.into(), String::new(), String::new());
+        let place = if place == Place::Line(0) { Place::File } else { place };
         Diagnostic { severity: Severity::Error, code: code.into(), file, place, problem, help }
     }
 

@@ -27,6 +27,7 @@ mod limits;
 mod live;
 mod look;
 mod mistakes;
+mod morphs;
 mod motion;
 mod obj_text;
 mod pack;

@@ -175,6 +175,9 @@ fn mesh_text(mesh: &ImportedMesh) -> String {
     if mesh.parts.len() > PARTS {
         line!(text, "", "… and {} more", mesh.parts.len() - PARTS);
     }
+    if !mesh.morphs.is_empty() {
+        line!(text, "morphs", "{}: {}", mesh.morphs.len(), mesh.morphs.join(", "));
+    }
     line!(text, "uv", "{}", if mesh.uv.is_empty() { "none" } else { "texture coordinates at the corners" });
     match &mesh.texture {
         Some(Picture::Named(name)) => line!(text, "texture", "{name}"),

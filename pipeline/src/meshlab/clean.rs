@@ -90,6 +90,7 @@ impl Cleaned {
             colours: colours.map(|&vertex| source.colours[vertex as usize]).collect(),
             parts: source.parts.clone(),
             part_of_triangle: parts.map(|i| source.part_of_triangle[i]).collect(),
+            morphs: source.morphs.clone(),
             texture: source.texture.clone(),
             unit_m: Some(1.0),
             axes: source.axes,

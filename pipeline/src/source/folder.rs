@@ -1,6 +1,7 @@
 //! Where a garment's files lie and how their bytes come in: paths as artists write them, limits, hashes. Knows no
 //! format.
 
+use super::shapes::parted;
 use crate::diagnostic::{Diagnostic, Place};
 use std::collections::BTreeSet;
 use std::fs;
@@ -76,11 +77,17 @@ impl Folder {
     }
 
     /// The name, relative to the assets folder, of a file that is written relative to the garment folder:
-    /// `../bodies/b04.glb` gives `bodies/b04.glb`.
+    /// `../bodies/b04.glb` gives `bodies/b04.glb`. A morph target that stands behind the file stays there.
     ///
     /// # Errors
     /// Says what is wrong with a path that is absolute, uses `\` or leaves the assets folder.
     pub fn name_of(&self, written: &str) -> Result<String, String> {
+        if let (file, Some(morph)) = parted(written) {
+            return match morph {
+                "" => Err(format!("the path `{written}` names no morph target after its `#`")),
+                _ => Ok(format!("{}#{morph}", self.name_of(file)?)),
+            };
+        }
         let has_drive = written.as_bytes().get(1) == Some(&b':');
         if written.is_empty() {
             return Err("the path is empty".to_owned());
@@ -206,6 +213,9 @@ mod tests {
         check("./poses//x.obj", Some("komon/poses/x.obj"));
         check("../bodies/b04.glb", Some("bodies/b04.glb"));
         check("../komon/../bodies/b04.glb", Some("bodies/b04.glb"));
+        check("./all.glb#a/../b", Some("komon/all.glb#a/../b"));
+        check("all.glb#", None);
+        check("../../secret.glb#a", None);
         check("../../secret", None);
         check("a/../../../secret", None);
         check("/etc/passwd", None);

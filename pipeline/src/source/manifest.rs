@@ -43,7 +43,7 @@ pub struct Manifest {
     /// The most shapes per group of drivers that the build adds to keep the cloth out of the body between the targets, 0 to 32; `0`
     /// unless given. Each makes the pack larger and the frame slower.
     pub correctives: Option<Field<ShapeCount>>,
-    /// The kimono in the T-pose, an OBJ file.
+    /// The kimono in the T-pose, an OBJ or GLB file.
     #[schemars(required)]
     pub base: Option<Field<String>>,
     /// The colour texture, a PNG file.
@@ -55,7 +55,8 @@ pub struct Manifest {
     /// The body on which base and targets were made, a GLB file with skeleton and skin weights.
     #[schemars(required)]
     pub body: Option<Field<String>>,
-    /// The pose table, a CSV file: one row per target (file, name, joint rotations); the first row is the base.
+    /// The pose table, a CSV file: one row per target (file, or `FILE.glb#NAME` for a morph target; name; joint rotations); the first row
+    /// is the base.
     #[schemars(required)]
     pub poses: Option<Field<String>>,
     /// The tailoring dimensions as paths along edges of the base, a TOML file.

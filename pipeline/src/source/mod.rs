@@ -21,6 +21,7 @@ pub mod picture;
 pub(crate) mod polygon;
 pub mod pose_rows;
 pub mod rules;
+mod shapes;
 pub mod sizes;
 pub mod tables;
 pub mod units;
@@ -36,6 +37,7 @@ use kitsuke::arrays::limits;
 use kitsuke::tailoring::RuleSet;
 use manifest::{Field, Manifest, Up};
 use rayon::prelude::*;
+use shapes::Shapes;
 use sizes::SizeTable;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -93,13 +95,23 @@ enum Role {
     Texture,
 }
 
-/// A file that the manifest or the pose table names.
+/// A file that the manifest or the pose table names; for a shape perhaps with a morph target.
 #[derive(Debug)]
 struct Reference {
     name: String,
     role: Role,
     cited_in: String,
     place: Place,
+}
+
+impl Reference {
+    /// The file, and its morph target.
+    fn parted(&self) -> (&str, Option<&str>) {
+        match self.role {
+            Role::Mesh => shapes::parted(&self.name),
+            _ => (&self.name, None),
+        }
+    }
 }
 
 /// Hashes every file that the garment uses, reading only the manifest and its tables.
@@ -369,8 +381,7 @@ fn read_files<T: Send>(
     report: &mut Vec<Diagnostic>,
     decode: impl Fn(&Reference, Vec<u8>) -> T + Sync,
 ) -> Vec<(String, T)> {
-    let wanted: BTreeMap<(&str, Role), &Reference> =
-        references.iter().map(|r| ((r.name.as_str(), r.role), r)).collect();
+    let wanted: BTreeMap<(&str, Role), &Reference> = references.iter().map(|r| ((r.parted().0, r.role), r)).collect();
     let read: Vec<_> = wanted
         .into_par_iter()
         .map(|((name, _), reference)| (name, folder.read(name).map(|bytes| decode(reference, bytes))))
@@ -386,8 +397,9 @@ fn read_files<T: Send>(
         }
     }
     let mut causes = Causes::default();
-    for Reference { name, cited_in, place, .. } in references {
-        if let Some(error) = missing.get(name.as_str()) {
+    for reference in references {
+        let (Reference { cited_in, place, .. }, name) = (reference, reference.parted().0);
+        if let Some(error) = missing.get(name) {
             causes.add("file", format!("{cited_in} {name}"), || missing_file(folder, name, cited_in, place, error));
         }
     }
@@ -399,6 +411,7 @@ fn read_files<T: Send>(
 enum Decoded {
     Scan(Option<Box<ImportedMesh>>),
     Mesh(Option<obj::Mesh>),
+    Shapes(Option<Shapes>),
     Body(Option<Box<ir::Body>>),
     Mask(Option<masks::Mask>),
     Paths(Option<paths::Paths>),
@@ -406,15 +419,66 @@ enum Decoded {
     Texture(Option<Vec<u8>>),
 }
 
+impl Source {
+    /// Takes the shapes of a glTF file for those that cite them.
+    fn take<'a>(&mut self, cited: impl Iterator<Item = &'a Reference>, shapes: &Shapes, report: &mut Vec<Diagnostic>) {
+        let mut causes = Causes::default();
+        for reference in cited {
+            let (file, morph) = reference.parted();
+            if let Some(mesh) = shapes.meshes.get(morph.unwrap_or_default()) {
+                self.meshes.insert(reference.name.clone(), mesh.clone());
+                continue;
+            }
+            let morph = morph.unwrap_or_default();
+            let problem = match closest(morph, shapes.morphs.iter().map(String::as_str)) {
+                Some(similar) => format!("{file} has no morph target `{morph}`; did you mean `{similar}`?"),
+                None => format!("{file} has no morph target `{morph}`"),
+            };
+            let help = match &shapes.morphs[..] {
+                [] => "It has none: export it with its shape keys (Blender: Data > Shape Keys).".to_owned(),
+                names => format!("It has {}.", names.join(", ")),
+            };
+            causes.add("morph-target", reference.name.clone(), || {
+                Diagnostic::error("morph-target", &reference.cited_in, reference.place.clone())
+                    .problem(problem)
+                    .help(help)
+            });
+        }
+        causes.report("row", report);
+        self.check_unit(report);
+    }
+
+    /// Numbers of glTF are metres with +Y up, whatever stands beside it.
+    fn check_unit(&self, report: &mut Vec<Diagnostic>) {
+        let manifest_file = format!("{}/{}", self.folder.id(), manifest::FILE_NAME);
+        let unit = self.manifest.unit.as_ref().filter(|unit| unit.get().is_some_and(|unit| *unit != LengthUnit::M));
+        let up = self.manifest.up.as_ref().filter(|up| up.get() == Some(&Up::Z));
+        for place in [unit.map(Field::place), up.map(Field::place)].into_iter().flatten() {
+            report.push(
+                Diagnostic::error("gltf-unit", &manifest_file, place)
+                    .problem("shapes of glTF files are in metres with +Y up, and this says otherwise of all shapes")
+                    .help("Remove it, and export OBJ files that stand beside it in metres with +Y up, too."),
+            );
+        }
+    }
+}
+
 /// Reads the manifest and everything that it names. What is wrong with single files goes into the report; nothing is
 /// returned where there is no manifest to go by.
 #[must_use]
 pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>, Vec<InputFile>) {
     let Some((folder, head)) = read_head(garment_dir, report) else { return (None, Vec::new()) };
+    let mut morphs: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    for (file, morph) in head.references.iter().map(Reference::parted) {
+        morphs.entry(file).or_default().extend(morph.map(str::to_owned));
+    }
     let files = read_files(&folder, &head.references, report, |reference, bytes| {
-        let (name, mut report) = (reference.name.as_str(), Vec::new());
+        let (name, mut report) = (reference.parted().0, Vec::new());
         let hash = folder::hash(&bytes);
         let decoded = match reference.role {
+            Role::Mesh if shapes::is_gltf(name) => {
+                Decoded::Shapes(shapes::read(name, &bytes, &morphs[name], &mut report))
+            }
             Role::Mesh => Decoded::Mesh(obj::read(name, &bytes, &mut report)),
             Role::Scan => {
                 let beside = folder.root().join(name);
@@ -462,6 +526,13 @@ pub fn read(garment_dir: &Path, report: &mut Vec<Diagnostic>) -> (Option<Source>
                     let landmarks = landmarks.filter_map(|field| Some((field.place(), *field.get()?))).collect();
                     let said = Said { unit, up, front };
                     source.scans.insert(path, ScanFile { mesh: *mesh, said, landmarks });
+                }
+            }
+            Decoded::Shapes(shapes) => {
+                let of_file =
+                    head.references.iter().filter(|cited| cited.role == Role::Mesh && cited.parted().0 == path);
+                if let Some(shapes) = shapes {
+                    source.take(of_file, &shapes, report);
                 }
             }
             Decoded::Mesh(mesh) => source.meshes.extend(mesh.map(|mesh| (path, mesh))),

@@ -31,7 +31,7 @@ pub struct PoseTable {
 pub struct PoseRow {
     /// 1-based line in the file.
     pub line: u32,
-    /// The shape's file, relative to the garment folder; empty where the table has no such column.
+    /// The shape's file, relative to the garment folder, perhaps with a morph target behind `#`; empty where the table has no such column.
     pub file: String,
     /// The sample's name; empty where the table has no such column.
     pub name: String,

@@ -47,6 +47,8 @@ pub(in crate::source) struct Looks {
     pub root: Map<String, Value>,
     /// The material of each primitive of each mesh.
     pub material_of: Vec<Vec<Option<usize>>>,
+    /// What the morph targets of each mesh are called: names, or their numbers from 0.
+    pub morphs: Vec<Vec<String>>,
 }
 
 /// Opens a GLB, a VRM, or glTF text with its data inside.
@@ -88,7 +90,7 @@ fn opened(bytes: &[u8], folder: Option<&Path>, is_needed: impl Fn(&str) -> bool)
     }
     let compressed = Compressed::taken(&mut root)?;
     let (humanoid, is_vrm0) = humanoid(&root);
-    let mut looks = Looks { root: Map::new(), material_of: materials(&mut root) };
+    let mut looks = Looks { root: Map::new(), material_of: materials(&mut root), morphs: morphs(&mut root) };
     for part in UNNEEDED {
         if let Some(removed) = root.remove(part) {
             looks.root.insert(part.to_owned(), removed);
@@ -168,6 +170,18 @@ pub(in crate::source) fn plain(uri: &str) -> String {
 fn materials(root: &mut Map<String, Value>) -> Vec<Vec<Option<usize>>> {
     let material = |primitive: &mut Map<String, Value>| Some(primitive.get("material")?.as_u64()? as usize);
     objects(root, "meshes").map(|mesh| objects(mesh, "primitives").map(material).collect()).collect()
+}
+
+/// What the morph targets of each mesh are called. Programs write the names in `extras.targetNames`; who does not has numbers.
+fn morphs(root: &mut Map<String, Value>) -> Vec<Vec<String>> {
+    let of_mesh = |mesh: &mut Map<String, Value>| {
+        let lists = objects(mesh, "primitives").map(|primitive| primitive.get("targets").and_then(Value::as_array));
+        let count = lists.map(|targets| targets.map_or(0, Vec::len)).max().unwrap_or(0);
+        let names = mesh.get("extras").and_then(|extras| extras.get("targetNames")?.as_array());
+        let name = |i: usize| names?.get(i)?.as_str().map(str::to_owned);
+        (0..count).map(|i| name(i).unwrap_or_else(|| i.to_string())).collect()
+    };
+    objects(root, "meshes").map(of_mesh).collect()
 }
 
 /// The elements of an array of the root, those that are objects.

@@ -53,16 +53,26 @@ pub(super) fn pieces(file: &Container, is_wanted: impl Fn(&gltf::Node<'_>) -> bo
     Ok(pieces)
 }
 
-/// One primitive at one node.
+/// One primitive at one node, with the morph targets on that are so in the file.
 pub(in crate::source) fn piece(
     file: &Container,
     node: &gltf::Node<'_>,
     primitive: &gltf::Primitive<'_>,
 ) -> Result<Piece, String> {
+    let weights = node.weights().or_else(|| node.mesh()?.weights()).unwrap_or_default();
+    morphed_piece(file, node, primitive, weights)
+}
+
+/// One primitive at one node, with weights of its morph targets in their order.
+pub(in crate::source) fn morphed_piece(
+    file: &Container,
+    node: &gltf::Node<'_>,
+    primitive: &gltf::Primitive<'_>,
+    weights: &[f32],
+) -> Result<Piece, String> {
     let mesh = node.mesh().expect("the primitive is of this node's mesh");
     let name = mesh.name().unwrap_or("body").to_owned();
     let mut positions = vectors(file, &attribute(&name, primitive, &Semantic::Positions)?)?;
-    let weights = node.weights().or_else(|| mesh.weights()).unwrap_or_default();
     for (target, &weight) in primitive.morph_targets().zip(weights).filter(|(_, weight)| **weight != 0.0) {
         let Some(accessor) = target.positions() else { continue };
         let moves = vectors(file, &accessor)?;

@@ -6,29 +6,90 @@ use super::{Axes, Fault, ImportedMesh, Picture};
 use crate::source::body::container::{Container, Looks, named, open_with_looks, plain};
 use crate::source::body::nodes::Nodes;
 use crate::source::body::numbers::floats;
-use crate::source::body::pieces::piece;
+use crate::source::body::pieces::{morphed_piece, piece};
 use crate::source::body::rest::{Rest, skins};
 use crate::source::body::{JOINTS, world_turn};
+use crate::source::folder::composed;
 use glam::{Affine2, DMat4, DVec3, Mat2, Vec2};
 use gltf::Semantic;
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// What to do about a file that is broken.
 const EXPORT: &str = "Export the mesh again as GLB: triangles with POSITION, without Draco compression.";
+/// Most vertices of all shapes of a file together.
+const SHAPE_VERTICES: usize = 1 << 26;
+
+fn fault(problem: String) -> Fault {
+    Fault::new("mesh-gltf", problem, EXPORT)
+}
 
 /// Reads a mesh.
 pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault>) -> Result<ImportedMesh, Fault> {
-    let fault = |problem: String| Fault::new("mesh-gltf", problem, EXPORT);
     let (file, looks) = open_with_looks(bytes, folder).map_err(fault)?;
+    mesh(&file, &looks, folder, None, warnings)
+}
+
+/// Reads a mesh once with each of these morph targets alone; nothing for those that no mesh has. Returns what morph targets there are besides.
+pub(super) fn read_morphs(
+    bytes: &[u8],
+    wanted: &[Option<&str>],
+    warnings: &mut Vec<Fault>,
+) -> Result<(Vec<Option<ImportedMesh>>, Vec<String>), Fault> {
+    let (file, looks) = open_with_looks(bytes, None).map_err(fault)?;
+    let names = names(&looks);
+    let mut meshes: Vec<Option<ImportedMesh>> = Vec::new();
+    for morph in wanted {
+        if morph.is_some_and(|morph| !names.iter().any(|name| is_same(name, morph))) {
+            meshes.push(None);
+            continue;
+        }
+        let weight = |own: &String| if morph.is_some_and(|morph| is_same(own, morph)) { 1.0 } else { 0.0 };
+        let weights: Vec<Vec<f32>> = looks.morphs.iter().map(|own| own.iter().map(weight).collect()).collect();
+        if let Some(twice) = weights.iter().find(|own| own.iter().sum::<f32>() > 1.0) {
+            let (count, morph) = (twice.len(), morph.unwrap_or_default());
+            let problem = format!("two of a mesh's {count} morph targets are called {morph}");
+            return Err(Fault::new("morph-target", problem, "Give each a name of its own, then export again."));
+        }
+        let first = if meshes.is_empty() { &mut *warnings } else { &mut Vec::new() };
+        let read = mesh(&file, &looks, None, Some(&weights), first)?;
+        if read.positions.len() * wanted.len() > SHAPE_VERTICES {
+            let problem = format!("{} shapes of {} vertices are too many", wanted.len(), read.positions.len());
+            return Err(Fault::new("mesh-gltf", problem, "Export fewer morph targets, or a lighter mesh."));
+        }
+        meshes.push(Some(read));
+    }
+    Ok((meshes, names))
+}
+
+/// The morph targets of all meshes, each name once.
+fn names(looks: &Looks) -> Vec<String> {
+    let mut known = BTreeSet::new();
+    looks.morphs.iter().flatten().filter(|name| known.insert(*name)).cloned().collect()
+}
+
+/// Whether two names are the same to people.
+fn is_same(a: &str, b: &str) -> bool {
+    a == b || composed(a) == composed(b)
+}
+
+/// The mesh, with the morph targets on that are so in the file, or with these weights of each mesh's own.
+fn mesh(
+    file: &Container,
+    looks: &Looks,
+    folder: Option<&Path>,
+    weights: Option<&[Vec<f32>]>,
+    warnings: &mut Vec<Fault>,
+) -> Result<ImportedMesh, Fault> {
     let mut assembly = Assembly::default();
     // The material of each part: names need not tell them apart.
     let mut materials: Vec<Option<usize>> = Vec::new();
     let nodes = Nodes::new(&file.document, DMat4::IDENTITY).map_err(fault)?;
     let has_skins = file.document.nodes().any(|node| node.mesh().is_some() && node.skin().is_some());
-    let skins = if has_skins { skins(&file, JOINTS).map_err(fault)? } else { Vec::new() };
+    let skins = if has_skins { skins(file, JOINTS).map_err(fault)? } else { Vec::new() };
     let (mut lines, mut triangles) = (0, 0);
     for node in file.document.nodes().filter(|node| nodes.is_shown[node.index()]) {
         let Some(mesh) = node.mesh() else { continue };
@@ -37,7 +98,14 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault
                 lines += 1;
                 continue;
             }
-            let piece = piece(&file, &node, &primitive).map_err(fault)?;
+            let piece = match weights {
+                None => piece(file, &node, &primitive),
+                Some(weights) => {
+                    let own = weights.get(mesh.index()).map_or(&[][..], Vec::as_slice);
+                    morphed_piece(file, &node, &primitive, own)
+                }
+            };
+            let piece = piece.map_err(fault)?;
             triangles += piece.triangles.len();
             if assembly.position_count() + piece.positions.len() > VERTICES || triangles > TRIANGLES {
                 return Err(fault(format!("the mesh has more than {VERTICES} vertices or {TRIANGLES} triangles")));
@@ -50,8 +118,8 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault
             let part = assembly.part(name, material_name).map_err(fault)?;
             materials.resize(assembly.parts().len(), material);
             let (set, placing) = material_value.and_then(base_colour).map(texture_use).unwrap_or_default();
-            let uv = texture_coordinates(&file, &primitive, set, placing, piece.positions.len()).map_err(fault)?;
-            let colours = colours(&file, &primitive, piece.positions.len()).map_err(fault)?;
+            let uv = texture_coordinates(file, &primitive, set, placing, piece.positions.len()).map_err(fault)?;
+            let colours = colours(file, &primitive, piece.positions.len()).map_err(fault)?;
             let rest = piece.skin.and_then(|skin| skins.get(skin)).map(|skin| skin.shown(&nodes));
             let world = match &rest {
                 Some(Rest::Bound(world)) => *world,
@@ -85,13 +153,19 @@ pub(super) fn read(bytes: &[u8], folder: Option<&Path>, warnings: &mut Vec<Fault
         warnings.push(Fault::new("mesh-faces", problem, "Nothing needs to be done if only surfaces are wanted."));
     }
     let picture = |part: usize| {
-        picture(&file, &looks, folder, looks.root.get("materials")?.get(materials.get(part).copied().flatten()?)?)
+        picture(file, looks, folder, looks.root.get("materials")?.get(materials.get(part).copied().flatten()?)?)
     };
     let texture = super::most_seen(&assembly, picture, warnings);
     // Bodies of VRM 0.x face the other way.
-    let front = world_turn(&file).transform_vector3(DVec3::Z);
+    let front = world_turn(file).transform_vector3(DVec3::Z);
     let mesh = assembly.finish();
-    Ok(ImportedMesh { texture, unit_m: Some(1.0), axes: Some(Axes { up: DVec3::Y, front }), ..mesh })
+    Ok(ImportedMesh {
+        morphs: names(looks),
+        texture,
+        unit_m: Some(1.0),
+        axes: Some(Axes { up: DVec3::Y, front }),
+        ..mesh
+    })
 }
 
 /// Which set of texture coordinates a texture wants, and where on the picture it puts them (KHR_texture_transform, in which gltfpack undoes

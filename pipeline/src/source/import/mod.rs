@@ -47,6 +47,8 @@ pub struct ImportedMesh {
     pub parts: Vec<Part>,
     /// The part of each triangle.
     pub part_of_triangle: Vec<u32>,
+    /// Morph targets of a glTF file, by name or, where they have none, by number from 0; each once, by first appearance.
+    pub morphs: Vec<String>,
     /// The base colour's picture.
     pub texture: Option<Picture>,
     /// Metres per unit, where the format or the file says so.
@@ -185,6 +187,27 @@ pub fn read_bytes(
     }
     report.extend(warnings.into_iter().map(|warning| warning.said(file, Diagnostic::warning)));
     Some(mesh)
+}
+
+/// Reads a glTF file once for each of the `wanted` morph targets, with that one alone on, or with none on. A morph target that the file does
+/// not have gives nothing. Returns the names of those that it has besides. All data must lie inside the file.
+pub(super) fn read_morphs(
+    file: &str,
+    bytes: &[u8],
+    wanted: &[Option<&str>],
+    report: &mut Vec<Diagnostic>,
+) -> Option<(Vec<Option<ImportedMesh>>, Vec<String>)> {
+    let mut warnings = Vec::new();
+    match gltf::read_morphs(bytes, wanted, &mut warnings) {
+        Ok(read) => {
+            report.extend(warnings.into_iter().map(|warning| warning.said(file, Diagnostic::warning)));
+            Some(read)
+        }
+        Err(fault) => {
+            report.push(fault.said(file, Diagnostic::error));
+            None
+        }
+    }
 }
 
 /// Of what kind a file is.
