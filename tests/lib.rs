@@ -99,6 +99,7 @@ pub fn small_garment_data() -> GarmentData {
         }],
         rbf: Some(small_rbf()),
         certificate: Some(small_certificate()),
+        compression: None,
         corrective_count: 0,
     }
 }

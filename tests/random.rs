@@ -157,6 +157,7 @@ pub fn garment(seed: u64) -> Garment {
             .collect(),
         rbf: None,
         certificate: None,
+        compression: None,
         drivers,
         segments,
         targets,

@@ -2,7 +2,7 @@
 
 use crate::ir;
 use crate::measure::audit::{self, Depth};
-use crate::measure::{certificate, pose_space, verify};
+use crate::measure::{certificate, compression, pose_space, verify};
 use crate::memo::{Key, Memo, Origin};
 use crate::stages::{
     StageError, accessories, compress, correctives, deltas, fit_data, hanging, kernel, reach, regions, skin, skin_fit,
@@ -10,7 +10,7 @@ use crate::stages::{
 };
 use glam::Vec3;
 use kitsuke::Accessories;
-use kitsuke::arrays::{PoseBound, PoseLimit, SkinWeights};
+use kitsuke::arrays::{GarmentData, PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
 use kitsuke::pack::write::write_with;
@@ -109,21 +109,33 @@ pub fn build_garment(
     let remainders = regions::remainders(&masks, drivers, pose_bones, targets, &deltas);
     tell("regions", None, origin);
 
-    // The pack: small numbers in segments, checked, written, opened again and compared with the files.
-    let mut data = compress::compress(source, &skin, &masks, &deltas)?;
+    // What the kimono allows its wearer.
     let settings = reach::Settings::default();
-    for PoseLimit { bones, bounds, .. } in &mut data.pose_limits {
-        let (numbers, origin) = memo.recall(&keys::reach(bones, &data.poses, &settings), || {
-            let found = reach::bounds(bones, &data.poses, &settings);
+    let poses = compress::pose_table(source);
+    let mut pose_limits = source.pose_limits.clone();
+    for PoseLimit { bones, bounds, .. } in &mut pose_limits {
+        let (numbers, origin) = memo.recall(&keys::reach(bones, &poses, &settings), || {
+            let found = reach::bounds(bones, &poses, &settings);
             Ok::<_, StageError>(found.into_iter().flat_map(to_numbers).collect())
         })?;
         *bounds = numbers.chunks_exact(3 * bones.len() + 1).map(from_numbers).collect();
         tell("reach", None, origin);
     }
-    data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
+
+    // The pack: small numbers in segments, as coarse as the posed surface's budget lets them be, checked, written, opened again and compared with the files.
     let checked = |data| Garment::new(data).map_err(|error| StageError::new("compress", error.to_string()));
-    let mut garment = checked(data.clone())?;
+    let compressed = |radius_m: f32| {
+        let mut data = compress::compress(source, &skin, &masks, &deltas, radius_m)?;
+        data.pose_limits.clone_from(&pose_limits);
+        data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
+        let garment = checked(data)?;
+        let lost = compression::compression(&garment, &masks, &deltas, source.budget_m);
+        Ok::<_, StageError>((garment, lost))
+    };
+    let (mut garment, lost) = compression::within_budget(source.budget_m, compressed)?;
     tell("compress", None, Origin::Computed);
+    let mut data = GarmentData { compression: Some(lost), ..garment.data().clone() };
+    garment = checked(data.clone())?;
 
     // What keeps the cloth out of the body between the samples.
     if source.correctives > 0 {
@@ -163,6 +175,7 @@ pub fn build_garment(
     tell("write", None, Origin::Computed);
 
     // What the pack is worth.
+    compression::keep_budget(&garment, &masks, &deltas)?;
     let quality = verify::verify(source, &masks, &deltas, &pack)?;
     tell("verify", None, Origin::Computed);
     let (found, origin) = memo.recall(&keys::audit(&pack, body), || {

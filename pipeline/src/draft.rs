@@ -36,7 +36,7 @@ pub fn draft(source: &ir::Garment, built: &Pack) -> Option<Vec<u8>> {
     if exchanged.iter().all(Option::is_none) {
         return None;
     }
-    let mut data = GarmentData { certificate: None, ..data.clone() };
+    let mut data = GarmentData { certificate: None, compression: None, ..data.clone() };
     for (target, exchanged) in data.targets.iter_mut().zip(exchanged) {
         *target = exchanged.unwrap_or_else(|| target.clone());
     }

@@ -45,7 +45,7 @@ pub struct Garment {
     pub sizes: Option<Sizes>,
     /// The rule sets by which it is fitted; the first is its own.
     pub rules: Vec<RuleSet>,
-    /// How far the blended surface may lie from the target files, metres.
+    /// How far the posed surface may lie from what the target files give, metres.
     pub budget_m: f32,
     /// How far any vertex may move per degree of one joint, metres; `None`: as it comes.
     pub speed_budget_m: Option<f32>,

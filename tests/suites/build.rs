@@ -1,9 +1,12 @@
 //! The catalog: what is built, what is left alone, what is written. Runs on the sample kimono as it is committed, where its numbers
 //! matter, and on the tube, which takes no time, where they do not.
 
-use kitsuke::skeleton::Bone;
+use glam::{Affine3A, DVec3, Mat3, Vec3};
+use kitsuke::skeleton::{Bone, Pose};
+use kitsuke::{Frame, Rates, Scratch, evaluate};
 use kitsuke_pipeline::catalog::index::{self, Entry};
 use kitsuke_pipeline::catalog::{self, GarmentReport, Mode, Options, Outcome, Progress, Report, Silent};
+use kitsuke_pipeline::measure::pose_space;
 use kitsuke_pipeline::memo::{Memo, Origin};
 use kitsuke_pipeline::{Built, build_garment, ir};
 use std::collections::BTreeMap;
@@ -473,4 +476,56 @@ fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
     let again = place.build(Mode::Write);
     assert!(matches!(again.garments[0].outcome, Outcome::UpToDate));
     assert_eq!(again.garments[0].diagnostics, report.garments[0].diagnostics);
+}
+
+/// The surface from the deltas as they were, by the formulas alone: base and masked, rated deltas, then linear blend skinning.
+fn uncompressed_m(built: &Built, pose: &Pose) -> Vec<DVec3> {
+    let garment = &built.garment;
+    let data = garment.data();
+    let mut rates = Rates::new(data);
+    garment.blend_rates(garment.kernel(), pose, &mut rates);
+    let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.frame_count()];
+    data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut posed_from_rest);
+    let vertex = |(v, &source): (usize, &u32)| {
+        let mut place_m = data.mesh.positions_m[v].as_dvec3();
+        for driver in 0..data.drivers.len() {
+            let mask = f64::from(built.masks[source as usize * data.drivers.len() + driver]) / 65535.0;
+            for (deltas, &rate) in built.deltas.iter().zip(rates.driver(driver)) {
+                place_m += mask * f64::from(rate) * deltas[source as usize].as_dvec3();
+            }
+        }
+        let skin = data.skin[v];
+        let parts = skin.joints.iter().zip(skin.weights).map(|(&joint, weight)| {
+            let matrix = posed_from_rest[usize::from(joint)];
+            let turned = Mat3::from(matrix.matrix3).as_dmat3() * place_m + matrix.translation.as_dvec3();
+            turned * (f64::from(weight) / 65535.0)
+        });
+        parts.sum::<DVec3>()
+    };
+    data.mesh.source_vertex.iter().enumerate().map(vertex).collect()
+}
+
+#[test]
+fn the_posed_surface_keeps_the_budget_at_samples_and_between() {
+    let tube = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments/tube");
+    let source = kitsuke_pipeline::load(&tube).garment.unwrap();
+    let cache = tempfile::tempdir().unwrap();
+    let built = build_garment(&source, &Memo::new(cache.path()), &|_| ()).unwrap();
+    let garment = &built.garment;
+    let said = garment.data().compression.as_ref().unwrap();
+    assert_eq!((said.budget_m, said.poses, said.targets.len()), (source.budget_m, 500, source.targets.len()));
+    let mut poses = pose_space::poses(garment, 1 << 21, 500);
+    poses.extend((0..garment.data().poses.rows()).map(|row| garment.data().poses.pose(row)));
+    let mut scratch = Scratch::new(garment);
+    let mut positions_m = vec![Vec3::ZERO; garment.vertex_count()];
+    let mut farthest_m = 0.0f64;
+    for pose in &poses {
+        evaluate(garment, pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut [] });
+        let wanted_m = uncompressed_m(&built, pose);
+        let apart = positions_m.iter().zip(&wanted_m).map(|(found, wanted)| found.as_dvec3().distance(*wanted));
+        farthest_m = farthest_m.max(apart.fold(0.0, f64::max));
+    }
+    assert!(farthest_m <= f64::from(source.budget_m) + 1e-6, "{farthest_m} m");
+    assert!((farthest_m - f64::from(said.surface.max_m)).abs() < 2e-6, "{farthest_m} m, {} m said", said.surface.max_m);
+    assert!(said.surface.p99_m <= said.surface.max_m && said.surface.above_half > 0.0);
 }

@@ -396,6 +396,7 @@ fn triangle() -> GarmentData {
         pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
+        compression: None,
         corrective_count: 0,
     }
 }

@@ -381,6 +381,7 @@ fn the_motion_of_the_bench_keeps_eight_targets_active() {
         pose_limits: Vec::new(),
         rbf: None,
         certificate: None,
+        compression: None,
         corrective_count: 0,
     })
     .unwrap();

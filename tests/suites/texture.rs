@@ -16,7 +16,7 @@ fn a_pattern_keeps_its_size_in_every_size() {
     let source = ir::Garment { targets: Vec::new(), ..load(&folder).garment.unwrap() };
     let skin = vec![SkinWeights { joints: [0; 4], weights: [65535, 0, 0, 0] }; source.base.positions_m.len()];
     let masks = vec![0; skin.len() * source.drivers.len()];
-    let garment = Garment::new(compress::compress(&source, &skin, &masks, &[]).unwrap()).unwrap();
+    let garment = Garment::new(compress::compress(&source, &skin, &masks, &[], source.budget_m).unwrap()).unwrap();
     let mesh = &garment.data().mesh;
     let sizes = source.sizes.as_ref().unwrap();
     let fit = fit_data::fit_data(&source, sizes, &[], &garment);

@@ -3,10 +3,12 @@
 
 use crate::places::{Places, in_workspace, printed};
 use glam::Vec3;
-use kitsuke::Pack;
 use kitsuke::arrays::{GarmentData, Target};
 use kitsuke::pack::layout;
+use kitsuke::pack::write::write;
+use kitsuke::{Garment, Pack};
 use kitsuke_pipeline::memo::Memo;
+use kitsuke_pipeline::stages::correctives::without_correctives;
 use kitsuke_pipeline::{Built, build_garment, ir};
 use serde_json::{Value, json};
 use std::fs;
@@ -19,6 +21,9 @@ pub struct Args {
     /// A kimono's ID
     #[arg(default_value = "komon")]
     id: String,
+    /// Only the first so many targets of the pose table
+    #[arg(long, value_name = "N")]
+    first: Option<usize>,
     /// Let npx fetch gltfpack where it is not installed
     #[arg(long)]
     fetch: bool,
@@ -40,14 +45,17 @@ pub fn run(args: Args) -> ExitCode {
 }
 
 fn compare(args: &Args) -> Result<String, String> {
-    let source = args.places.source_with(&args.id, &args.cache).ok_or("there is nothing to compare with")?;
+    let mut source = args.places.source_with(&args.id, &args.cache).ok_or("there is nothing to compare with")?;
+    if let Some(first) = args.first {
+        source.targets.truncate(first);
+        source.correctives = 0;
+    }
     let memo = Memo::new(&args.cache.join("stages"));
     let built = build_garment(&source, &memo, &|_| ()).map_err(|error| error.to_string())?;
     let wanted_m = masked_deltas(&source, &built);
     let errors_mm = errors_mm(&built, &wanted_m);
     let error_mm = f64::from(errors_mm.iter().flatten().copied().fold(0.0, f32::max));
-    let pack = Pack::open(&built.pack).map_err(|error| error.to_string())?;
-    let own = pack.sections().iter().find(|section| section.tag == layout::TGTS).map_or(0, |s| s.stored_length);
+    let own = pose_target_bytes(&built.garment)?;
 
     let mut text = of_targets(&source, &errors_mm);
     text += &format!("\n{:28} {:>12} {:>14} {:>14}\n", "", "max error mm", "targets bytes", "whole bytes");
@@ -98,6 +106,13 @@ pub fn masked_deltas(source: &ir::Garment, built: &Built) -> Vec<Vec<Vec3>> {
 fn reach(row: &[u16], drivers: &[ir::Driver], layer: u8) -> f32 {
     let of_layer = row.iter().zip(drivers).filter(|(_, driver)| driver.layer == layer);
     of_layer.map(|(&mask, _)| f32::from(mask)).sum::<f32>() / 65535.0
+}
+
+/// What the targets of the poses take in a pack; correctives, which no file gives, are not counted.
+pub fn pose_target_bytes(garment: &Garment) -> Result<usize, String> {
+    let samples = Garment::new(without_correctives(garment.data())).map_err(|error| error.to_string())?;
+    let pack = Pack::open(&write(&samples)).map_err(|error| error.to_string())?;
+    Ok(pack.sections().iter().find(|section| section.tag == layout::TGTS).map_or(0, |section| section.stored_length))
 }
 
 /// How far the pack's deltas lie from these, per target and vertex, millimetres.

@@ -5,7 +5,7 @@ use crate::shots::{read, said};
 use glam::DVec3;
 use kitsuke::Pack;
 use kitsuke::accessories::{Accessories, Texture};
-use kitsuke::arrays::{Certificate, GarmentData, LeftOut, RbfLayer};
+use kitsuke::arrays::{Certificate, Compression, GarmentData, LeftOut, Loss, RbfLayer};
 use kitsuke::arrays::{ChainJoint, Rbf};
 use kitsuke::pack::layout::MAGIC;
 use kitsuke_pipeline::diagnostic::Diagnostic;
@@ -130,6 +130,9 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
     if let Some(certificate) = &data.certificate {
         text.push_str(&certificate_text(certificate, data));
     }
+    if let Some(compression) = &data.compression {
+        text.push_str(&compression_text(compression, data));
+    }
     text.push_str("\npart         triangles\n");
     for part in &data.mesh.parts {
         line!(text, part.name, "{:>9}", part.triangle_count);
@@ -137,6 +140,20 @@ fn pack_text(pack: &Pack, bytes: usize) -> String {
     let bones: Vec<&str> = data.skeleton.joints().iter().map(|joint| joint.bone.name()).collect();
     line!(text, "\nbones", "{}: {}", bones.len(), bones.join(", "));
     text
+}
+
+/// What the small numbers lost, as the pack says.
+fn compression_text(compression: &Compression, data: &GarmentData) -> String {
+    let mut text = String::from("\nlost, mm                         max       p99   above half\n");
+    let mut row = |name: &str, Loss { max_m, p99_m, above_half }: Loss| {
+        let (max_mm, p99_mm, share) = (1e3 * max_m, 1e3 * p99_m, 100.0 * above_half);
+        text += &format!("{name:<28} {max_mm:>8.4}  {p99_mm:>8.4}  {share:>9.2} %\n");
+    };
+    for (target, &loss) in data.targets.iter().zip(&compression.targets) {
+        row(&target.name, loss);
+    }
+    row(&format!("surface, {} poses", compression.poses), compression.surface);
+    text + &format!("budget                       {:>8.4}\n", 1e3 * compression.budget_m)
 }
 
 fn accessories_text(pack: &Pack) -> String {

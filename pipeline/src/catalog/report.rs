@@ -12,7 +12,7 @@ use crate::look::sheet::{Cell, contact_sheet, png_bytes};
 use crate::scans::LaidScan;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use kitsuke::arrays::Certificate;
+use kitsuke::arrays::{Certificate, Compression, Loss};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -130,6 +130,12 @@ fn pictures(source: &ir::Garment, built: &Built) -> String {
             .collect();
     figures.push(("regions".to_owned(), figure(base, Colours::Regions), View::Front));
     figures.push(("joints".to_owned(), figure(base, Colours::Joints), View::Front));
+    let losses = garment.data().compression.as_ref().map_or(&[][..], |compression| &compression.targets);
+    let most_lost = (0..losses.len()).max_by(|&a, &b| losses[a].max_m.total_cmp(&losses[b].max_m));
+    if let Some(shot) = most_lost.map(|target| &shots[target + 1]) {
+        let caption = format!("lost in {}, red is the budget", shot.name);
+        figures.push((caption, figure(shot, Colours::Error(source.budget_m)), View::Front));
+    }
     figures.extend(worst.into_iter().map(|target| {
         let shot = &shots[target + 1];
         (shot.name.clone(), figure(shot, Colours::Cloth), View::Front)
@@ -141,7 +147,7 @@ fn pictures(source: &ir::Garment, built: &Built) -> String {
             Cell { caption, picture }
         })
         .collect();
-    let what = "the base from three sides, its regions and joints, and the targets that the others predict worst";
+    let what = "the base from three sides, its regions and joints, what compression lost, and the targets that the others predict worst";
     format!("<h2>Pictures</h2>{}", picture(&contact_sheet(&cells, 4), what))
 }
 
@@ -160,8 +166,16 @@ fn certificate(built: &Built, entry: &Entry) -> String {
     let [_, from, to] = &entry.fastest;
     let [near, by] = &entry.nearest;
     let [poses, above_2mm, above_5mm] = entry.inside_poses;
+    let lost = built.garment.data().compression.as_ref().map_or_else(String::new, |compression| {
+        let Compression { budget_m, poses, surface: Loss { max_m, p99_m, .. }, .. } = compression;
+        let [max_mm, p99_mm, budget_mm] = [max_m, p99_m, budget_m].map(|length_m| 1e3 * length_m);
+        format!(
+            "at most {max_mm:.3} mm over {poses} poses, 99 % within {p99_mm:.3} mm; the budget is {budget_mm:.3} mm"
+        )
+    });
     let rows = [
         ("error of the pack", format!("at most {:.3} mm, {:.3} mm on average", entry.max_mm, entry.mean_mm)),
+        ("lost between the samples", lost),
         ("fastest", format!("{speed_mm_per_deg:.1} mm per degree of {}, near {from} and {to}", fastest_joint.name())),
         ("steps", format!("{step_mm:.4} mm per 0.01 degrees, changing by {step_change_mm:.4} mm at most")),
         ("hardest to tell apart", format!("{near} and {by}, {:.1} degrees", entry.nearest_deg)),

@@ -44,7 +44,7 @@ use kitsuke::tailoring::RuleSet;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The budget where the manifest gives none.
-const DEFAULT_BUDGET: Length = Length { value: 0.05, unit: LengthUnit::Mm };
+const DEFAULT_BUDGET: Length = Length { value: 0.2, unit: LengthUnit::Mm };
 /// The budgets that can be kept: below, 16-bit deltas end; above, nobody would want the pack.
 const BUDGET_M: std::ops::RangeInclusive<f64> = 1e-6..=0.01;
 

@@ -185,7 +185,7 @@ fn without(data: &GarmentData, shapes: Option<&[Vec<Shapes>]>, target: usize) ->
     rest.targets.remove(target);
     let bones = rest.poses.bones.len();
     rest.poses.rotations.drain((target + 1) * bones..(target + 2) * bones);
-    (rest.rbf, rest.certificate) = (None, None);
+    (rest.rbf, rest.certificate, rest.compression) = (None, None, None);
     if let (Some(rbf), Some(shapes)) = (&data.rbf, shapes) {
         let layer = |(number, layer): (usize, &RbfLayer)| {
             let (limbs, scales) = kernel::limbs_and_scales(layer);

@@ -3,6 +3,7 @@
 
 pub mod audit;
 pub mod certificate;
+pub mod compression;
 pub mod covered;
 pub mod distortion;
 pub mod leave_one_out;

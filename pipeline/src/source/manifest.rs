@@ -29,7 +29,8 @@ pub struct Manifest {
     pub unit: Option<Field<LengthUnit>>,
     /// Which axis points up in base, targets and obi: `+Y` (front +Z, the default) or `+Z` (front -Y).
     pub up: Option<Field<Up>>,
-    /// How far the built shapes may lie from the target files; `0.05 mm` unless given.
+    /// How far the posed surface, at the targets and between them, may lie from what the files give before they become small numbers; `0.2 mm`
+    /// unless given.
     pub budget: Option<Field<Length>>,
     /// The farthest that any point of the cloth may move when one joint turns by one degree; a pack that is faster is an
     /// error. By default anything goes.

@@ -13,8 +13,8 @@ const FEWEST_VERTICES: usize = 48;
 /// The arrays of a pack from the garment and what the stages made of it: `skin` and `masks` per base vertex, `deltas`
 /// per target and base vertex, metres.
 ///
-/// A delta is stored in steps of 2/√3 of the budget: the largest cubic grid of which every ball with the budget as its
-/// radius holds a point. Where it holds several, the one that takes the fewest bytes is stored.
+/// A delta is stored in steps of 2/√3 of `radius_m`: the largest cubic grid of which every ball of that radius holds a
+/// point. Where it holds several, the one that takes the fewest bytes is stored.
 ///
 /// # Errors
 /// When a target lies too far from the base for its step, naming target and vertex.
@@ -23,8 +23,9 @@ pub fn compress(
     skin: &[SkinWeights],
     masks: &[u16],
     deltas: &[Vec<Vec3>],
+    radius_m: f32,
 ) -> Result<GarmentData, StageError> {
-    let step_m = 2.0 * garment.budget_m / 3f32.sqrt();
+    let step_m = 2.0 * radius_m / 3f32.sqrt();
     let steps: Vec<Vec<[i16; 3]>> = garment
         .targets
         .iter()
@@ -36,8 +37,6 @@ pub fn compress(
     let groups = group_numbers(&garment.drivers);
     let order = order(&layers_of_drivers, &groups, masks, &layers_of_targets, &steps);
 
-    let mut rotations = vec![Quat::IDENTITY; garment.pose_bones.len()];
-    rotations.extend(garment.targets.iter().flat_map(|target| &target.rotations));
     let driver = |driver: &ir::Driver| Driver {
         name: driver.name.clone(),
         joints: driver.joints.clone(),
@@ -53,7 +52,7 @@ pub fn compress(
         .collect();
     let wanted: Vec<Wanted> =
         targets.iter().zip(deltas).map(|(target, deltas)| wanted(target, deltas, &order)).collect();
-    let radius = garment.budget_m / step_m;
+    let radius = radius_m / step_m;
     for (target, deltas) in targets.iter_mut().zip(quantise(&mesh, &order.segments, &wanted, radius)) {
         target.deltas = deltas;
     }
@@ -67,11 +66,20 @@ pub fn compress(
         targets,
         corrective_count: 0,
         segments: order.segments,
-        poses: PoseTable { bones: garment.pose_bones.clone(), rotations },
+        poses: pose_table(garment),
         pose_limits: garment.pose_limits.clone(),
         rbf: None,
         certificate: None,
+        compression: None,
     })
+}
+
+/// The base's row, then the targets'.
+#[must_use]
+pub fn pose_table(garment: &ir::Garment) -> PoseTable {
+    let mut rotations = vec![Quat::IDENTITY; garment.pose_bones.len()];
+    rotations.extend(garment.targets.iter().flat_map(|target| &target.rotations));
+    PoseTable { bones: garment.pose_bones.clone(), rotations }
 }
 
 /// Deltas in steps, rounded to the nearest.
@@ -85,7 +93,7 @@ fn in_steps(target: &str, deltas: &[Vec3], step_m: f32) -> Result<Vec<[i16; 3]>,
         Err(StageError::new(
             "compress",
             format!(
-                "target {target}: vertex {v} lies {:.2} m from the skinned base, but a budget of {:.4} mm stores at \
+                "target {target}: vertex {v} lies {:.2} m from the skinned base, but numbers as fine as {:.4} mm reach at \
                  most {:.2} m; give a larger budget or mend the target",
                 delta.length(),
                 step_m * 3f32.sqrt() / 2.0 * 1e3,

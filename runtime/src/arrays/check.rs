@@ -1,6 +1,6 @@
 //! The one check of a garment's arrays: after it nothing that evaluation does can fail or index out of bounds.
 
-use super::{Certificate, GarmentData, Group, Mesh, PoseTable, RbfLayer, limits};
+use super::{Certificate, Compression, GarmentData, Group, Loss, Mesh, PoseTable, RbfLayer, limits};
 use crate::skeleton::{Bone, SkeletonError};
 use glam::{Quat, Vec2, Vec3};
 use std::collections::BTreeSet;
@@ -191,6 +191,9 @@ pub enum InvalidGarment {
     /// A figure of the certificate is not a finite number of 0 or more.
     #[error("the figures of the certificate must be finite and 0 or more")]
     CertificateFigure,
+    /// A figure of what compression lost is out of range, or there are figures of more or fewer targets than samples.
+    #[error("what compression lost must be finite, 0 or more, shares at most 1, and be known of every sample")]
+    Compression,
     /// The certificate names a row that the pose table lacks.
     #[error("the certificate names row {0}, which the pose table lacks")]
     CertificateRow(u16),
@@ -225,6 +228,7 @@ impl GarmentData {
         check_pose_limits(self)?;
         check_rbf(self)?;
         check_certificate(self)?;
+        check_compression(self)?;
         check_texts(self)
     }
 }
@@ -484,6 +488,19 @@ fn check_chain(group: &Group, number: usize, poses: &PoseTable) -> Result<(), In
         }
     }
     Ok(())
+}
+
+fn check_compression(data: &GarmentData) -> Result<(), InvalidGarment> {
+    let Some(Compression { budget_m, targets, surface, .. }) = &data.compression else { return Ok(()) };
+    let is_length = |length_m: f32| length_m.is_finite() && length_m >= 0.0;
+    let is_loss =
+        |loss: &Loss| is_length(loss.max_m) && is_length(loss.p99_m) && (0.0..=1.0).contains(&loss.above_half);
+    let all = targets.iter().chain([surface]).all(is_loss);
+    if all && is_length(*budget_m) && targets.len() == data.sample_count() {
+        Ok(())
+    } else {
+        Err(InvalidGarment::Compression)
+    }
 }
 
 fn check_certificate(data: &GarmentData) -> Result<(), InvalidGarment> {

@@ -218,6 +218,8 @@ pub struct GarmentData {
     pub rbf: Option<Rbf>,
     /// What was measured of the blending when the pack was built.
     pub certificate: Option<Certificate>,
+    /// What its small numbers cost, as measured when it was built; of the kimono as it was made, not of one fitted from it.
+    pub compression: Option<Compression>,
 }
 
 impl GarmentData {
@@ -284,6 +286,30 @@ pub struct Certificate {
     pub left_out: Vec<LeftOut>,
     /// The two rows that are hardest to tell apart.
     pub nearest: NearestPair,
+}
+
+/// How far a pack's targets and surface lie from what they were before they became small numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Compression {
+    /// How far they may lie, metres.
+    pub budget_m: f32,
+    /// Of every sample's target, where its masks let it through.
+    pub targets: Vec<Loss>,
+    /// At how many poses between the samples the posed surface was compared.
+    pub poses: u32,
+    /// Of all vertices at all those poses.
+    pub surface: Loss,
+}
+
+/// Distances from what was before, over vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Loss {
+    /// Largest, metres.
+    pub max_m: f32,
+    /// 99th percentile, metres.
+    pub p99_m: f32,
+    /// Which share is above half the budget, 0 to 1.
+    pub above_half: f32,
 }
 
 /// How far a target lies from its prediction by the others, over all vertices, mm.

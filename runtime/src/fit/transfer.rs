@@ -122,7 +122,7 @@ impl Transfer {
         let hanging = data.skeleton.hanging().to_vec();
         let skeleton = Skeleton::new(joints).and_then(|skeleton| skeleton.with_hanging(hanging));
         let skeleton = skeleton.map_err(InvalidGarment::Skeleton)?;
-        let mut data = GarmentData { skeleton, certificate: None, ..data.clone() };
+        let mut data = GarmentData { skeleton, certificate: None, compression: None, ..data.clone() };
         let mut block = Block::new(positions_m.len(), self.unknowns);
         for targets in data.targets.chunks_mut(TOGETHER) {
             block.deltas_m.fill([Vec3::ZERO; TOGETHER]);

@@ -1,4 +1,4 @@
-//! The format of a pack, version 5.1. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 5.2. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -54,6 +54,7 @@
 //! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
 //! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
 //! | `ACCS` | optional, since 5.1: `text` body; `flag` has a texture, and if so, `text` name, `u32` width and height; `flag` has an obi, and if so, as `u32` its vertices n and triangles m, x, y, z of the positions, `floats(n)`, corners of the triangles, `column(3 m)` of `u32`, skin weights as in `SKIN`; `u32` path count, per path: `text` name and kanji, `f32` offset, `u32` count, `column` of `u32` vertices |
+//! | `LOSS` | optional, since 5.2: `f32` budget; k - c times largest and 99th percentile of the error and share above half the budget as `f32`; `u32` poses; the same three of the surface |
 //! | `TXTR` | optional, since 5.1, with a texture in `ACCS`: its image, a PNG file |
 //!
 //! Units and ranges are those of [`garment`](crate::garment), checked by [`Garment::new`](crate::garment::Garment::new)
@@ -67,8 +68,8 @@ use super::codec::{Column, Reader};
 use super::field::{self, Lower};
 use super::{ContentProblem, OpenError};
 use crate::arrays::{
-    Certificate, ChainJoint, Driver, Group, LeftOut, Mesh, NearestPair, Part, PoseBound, PoseLimit, PoseTable, Rbf,
-    RbfLayer, Segment, SkinWeights, Target, limits,
+    Certificate, ChainJoint, Compression, Driver, Group, LeftOut, Loss, Mesh, NearestPair, Part, PoseBound, PoseLimit,
+    PoseTable, Rbf, RbfLayer, Segment, SkinWeights, Target, limits,
 };
 use crate::skeleton::{Bone, Hanging, Joint, Skeleton};
 use glam::{DVec3, Vec2, Vec3};
@@ -83,7 +84,7 @@ pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
 pub const MAJOR: u16 = 5;
 /// Grows when sections are added that older readers may skip.
-pub const MINOR: u16 = 1;
+pub const MINOR: u16 = 2;
 /// Bytes before the section table.
 pub const HEADER_BYTES: usize = 20;
 /// Bytes of an entry of the section table.
@@ -139,12 +140,14 @@ pub const FLDS: Tag = Tag(*b"FLDS");
 pub const SZUV: Tag = Tag(*b"SZUV");
 /// What comes with the kimono.
 pub const ACCS: Tag = Tag(*b"ACCS");
+/// What compression lost.
+pub const LOSS: Tag = Tag(*b"LOSS");
 /// The texture's image.
 pub const TXTR: Tag = Tag(*b"TXTR");
 /// The sections that every pack has.
 pub const REQUIRED: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
 /// The sections that a pack may have.
-pub const OPTIONAL: [Tag; 5] = [FITS, FLDS, SZUV, ACCS, TXTR];
+pub const OPTIONAL: [Tag; 6] = [FITS, FLDS, SZUV, ACCS, TXTR, LOSS];
 
 /// Whether this version has such a section.
 #[must_use]
@@ -611,6 +614,27 @@ pub(super) fn write_certificate(certificate: Option<&Certificate>, to: &mut Writ
     left_out.iter().flat_map(|error| [error.mean_mm, error.p99_mm, error.max_mm]).for_each(|figure| to.f32(figure));
     nearest.rows.iter().for_each(|&row| to.u16(row));
     to.f32(nearest.apart_deg);
+}
+
+pub(super) fn read_compression(samples: usize, from: &mut Reader<'_>) -> Result<Compression, ContentProblem> {
+    let budget_m = from.f32()?;
+    let targets = (0..samples).map(|_| read_loss(from)).collect::<Result<_, _>>()?;
+    Ok(Compression { budget_m, targets, poses: from.u32()?, surface: read_loss(from)? })
+}
+
+fn read_loss(from: &mut Reader<'_>) -> Result<Loss, ContentProblem> {
+    Ok(Loss { max_m: from.f32()?, p99_m: from.f32()?, above_half: from.f32()? })
+}
+
+#[cfg(feature = "write")]
+pub(super) fn write_compression(compression: &Compression, to: &mut Writer) {
+    let write_loss = |loss: &Loss, to: &mut Writer| {
+        [loss.max_m, loss.p99_m, loss.above_half].into_iter().for_each(|figure| to.f32(figure));
+    };
+    to.f32(compression.budget_m);
+    compression.targets.iter().for_each(|loss| write_loss(loss, to));
+    to.u32(compression.poses);
+    write_loss(&compression.surface, to);
 }
 
 fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {

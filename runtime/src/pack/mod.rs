@@ -381,6 +381,11 @@ fn read_garment(sections: &mut Sections<'_>) -> Result<GarmentData, OpenError> {
     let targets = sections.read(layout::TGTS, |from| layout::read_targets(&info, &mesh, &segments, from))?;
     let rbf = sections.read(layout::RBFS, |from| layout::read_rbf(&drivers, &targets, info.correctives, from))?;
     let certificate = sections.read(layout::CERT, |from| layout::read_certificate(&info, from))?;
+    let samples = info.targets.saturating_sub(info.correctives);
+    let compression = match sections.has(layout::LOSS) {
+        true => Some(sections.read(layout::LOSS, |from| layout::read_compression(samples, from))?),
+        false => None,
+    };
     let Info { id, name, correctives: corrective_count, .. } = info;
     Ok(GarmentData {
         id,
@@ -396,6 +401,7 @@ fn read_garment(sections: &mut Sections<'_>) -> Result<GarmentData, OpenError> {
         pose_limits,
         rbf,
         certificate,
+        compression,
     })
 }
 

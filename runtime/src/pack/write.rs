@@ -69,7 +69,7 @@ type Section = (Tag, usize, (Encoding, Vec<u8>));
 
 fn garment_sections(garment: &Garment) -> Vec<Section> {
     let data = garment.data();
-    vec![
+    let mut sections = vec![
         section(layout::INFO, |to| layout::write_info(data, to)),
         section(layout::SKEL, |to| layout::write_skeleton(&data.skeleton, to)),
         section(layout::MESH, |to| layout::write_mesh(&data.mesh, to)),
@@ -79,7 +79,11 @@ fn garment_sections(garment: &Garment) -> Vec<Section> {
         section(layout::TGTS, |to| layout::write_targets(data, to)),
         section(layout::RBFS, |to| layout::write_rbf(data.rbf.as_ref(), to)),
         section(layout::CERT, |to| layout::write_certificate(data.certificate.as_ref(), to)),
-    ]
+    ];
+    if let Some(compression) = &data.compression {
+        sections.push(section(layout::LOSS, |to| layout::write_compression(compression, to)));
+    }
+    sections
 }
 
 /// The sections after their header.

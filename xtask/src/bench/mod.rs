@@ -12,7 +12,6 @@ use kitsuke::evaluate::{blend, bytes_touched, normals, skin, twins};
 use kitsuke::fit::texture::{TextureScratch, Texturer};
 use kitsuke::fit::{self, FitData, Fitter, Transfer};
 use kitsuke::measurement::{Measurement, Measurements};
-use kitsuke::pack::layout;
 use kitsuke::skeleton::{Pose, bvh};
 use kitsuke::{Frame, Garment, Pack, Rates, Scratch, evaluate};
 use kitsuke_pipeline::build_garment;
@@ -132,8 +131,8 @@ fn bench(args: &Args) -> Result<(), String> {
         }
         note(&key, json!(rounded(value)));
     }
-    let targets = pack.sections().iter().find(|section| section.tag == layout::TGTS);
-    note("pack_target_bytes", json!(targets.map_or(0, |section| section.stored_length)));
+    note("pack_target_bytes", json!(compare_packs::pose_target_bytes(garment)?));
+    note("open_fit_ms_median", json!(rounded(open_fit_ms(&pack))));
     if let Some(fit) = pack.fit_data().map_err(|error| error.to_string())? {
         note("uv_ms_median", json!(rounded(uv_ms(garment, &fit)?)));
         note("tailor_ms_median", json!(rounded(tailor_ms(garment, &fit)?)));
@@ -292,6 +291,12 @@ fn memory_gbps() -> f64 {
 
 fn open_ms(pack: &[u8]) -> f64 {
     let times_us = (0..REPEATS).map(|_| microseconds(|| black_box(Pack::open(black_box(pack)).is_ok())));
+    median(times_us.collect()) / 1e3
+}
+
+/// Decoding and checking what a fit needs, which an app does when it makes a fitter.
+fn open_fit_ms(pack: &Pack) -> f64 {
+    let times_us = (0..REPEATS).map(|_| microseconds(|| black_box(black_box(pack).fit_data().is_ok())));
     median(times_us.collect()) / 1e3
 }
 
