@@ -109,8 +109,8 @@ pub fn repair(pack: &mut [u8]) {
     }
 }
 
-/// The pack cut off at every byte, and with every byte changed in several ways; each once as it is and once repaired.
-/// Calls `check` with what was done and the damaged pack.
+/// The pack cut off at every byte, with every byte changed in several ways, and with every bit of header and section table flipped; each
+/// once as it is and once repaired. Calls `check` with what was done and the damaged pack.
 pub fn for_each_damage(pack: &[u8], mut check: impl FnMut(&dyn Fn() -> String, &[u8])) {
     let mut both = |what: &dyn Fn() -> String, damaged: &mut [u8]| {
         check(what, damaged);
@@ -121,8 +121,11 @@ pub fn for_each_damage(pack: &[u8], mut check: impl FnMut(&dyn Fn() -> String, &
         both(&|| format!("cut off at byte {length}"), &mut pack[..length].to_vec());
     }
     let mut damaged = pack.to_vec();
+    let table_end = 20 + 28 * u32_at(pack, 12) as usize + 8;
     for at in 0..pack.len() {
-        for flip in [0xff, 0x01, 0x80] {
+        let bits: [u8; 8] = std::array::from_fn(|bit| 1 << bit);
+        let flips = if at < table_end { &bits[..] } else { &[0x01, 0x80] };
+        for &flip in [0xff].iter().chain(flips) {
             damaged.copy_from_slice(pack);
             damaged[at] ^= flip;
             both(&|| format!("byte {at} ^ {flip:#x}"), &mut damaged);

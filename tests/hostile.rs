@@ -1,16 +1,21 @@
 //! What reads bytes that nobody vouches for, as functions of the bytes: nothing may panic, and what comes out must be valid. The
 //! fuzz targets in `fuzz/` and the tests that replay their corpus call the same functions.
 
-use glam::Vec3;
+use crate::container::{Container, Section, repair};
+use crate::random::Numbers;
+use glam::{Affine3A, Vec3};
+use kitsuke::fit::{FitData, Fitter, Scratch as FitScratch};
 use kitsuke::skeleton::vmc::Receiver;
-use kitsuke::skeleton::{Bone, Joint, Skeleton, bvh, recording, vrma};
+use kitsuke::skeleton::{Bone, Joint, Pose, Skeleton, bvh, recording, vrma};
+use kitsuke::{Frame, Garment, Pack, Scratch, evaluate};
 use kitsuke_pipeline::source;
+use std::sync::LazyLock;
 
 /// The name of a fuzz target and what it feeds.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// One function per fuzz target.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 11] = [
     ("osc", osc),
     ("bvh", bvh_text),
     ("json", json),
@@ -19,6 +24,9 @@ pub const TARGETS: [Target; 8] = [
     ("obj", obj),
     ("ply", ply),
     ("gltf_mesh", gltf_mesh),
+    ("pack", pack),
+    ("pack_sections", pack_sections),
+    ("pack_fields", pack_fields),
 ];
 
 /// Datagrams, each behind its length as two bytes, as a sender might interleave them; the time goes on by 10 ms each.
@@ -122,6 +130,94 @@ fn imported(file: &str, bytes: &[u8]) {
     assert!(mesh.part_of_triangle.iter().all(|&part| (part as usize) < mesh.parts.len()));
     let soundness = mesh.soundness();
     assert!(soundness.components <= triangles && soundness.unused <= vertices);
+}
+
+/// A pack, its checksums made right.
+pub fn pack(bytes: &[u8]) {
+    let mut pack = bytes.to_vec();
+    repair(&mut pack);
+    open(&pack);
+}
+
+/// The small pack with another content of one section: its number, then the content.
+pub fn pack_sections(bytes: &[u8]) {
+    with_section(bytes, |_| true);
+}
+
+/// The same of the two sections whose entropy coders stand behind counts and names.
+pub fn pack_fields(bytes: &[u8]) {
+    with_section(bytes, |section| [*b"TGTS", *b"FLDS"].contains(&section.tag));
+}
+
+fn with_section(bytes: &[u8], is_meant: impl Fn(&Section) -> bool) {
+    let Some((&number, content)) = bytes.split_first() else { return };
+    let mut pack = SMALL_PACK.clone();
+    let mut meant: Vec<&mut Section> = pack.sections.iter_mut().filter(|section| is_meant(section)).collect();
+    let number = usize::from(number) % meant.len();
+    meant[number].stored = content.to_vec();
+    meant[number].decoded_length = content.len() as u32;
+    open(&pack.to_pack());
+}
+
+/// A pack with every section there is, none of them compressed.
+pub static SMALL_PACK: LazyLock<Container> =
+    LazyLock::new(|| Container::of(include_bytes!("packs/v5_1.kitsuke")).uncompressed());
+
+/// What a pack may decode to here, so that an input takes little time and memory.
+const DECODED_BYTES: usize = 1 << 20;
+
+/// Opens a pack and does with it what an app does: frames, what comes with it, a fit.
+fn open(bytes: &[u8]) {
+    let Ok(pack) = Pack::open_with_limit(bytes, DECODED_BYTES) else { return };
+    let garment = pack.garment();
+    let mut numbers = Numbers(7);
+    let poses = [Pose::REST, numbers.pose(), garment.limited(&numbers.pose()).pose];
+    frames_are_finite(garment, &poses);
+    let accessories = pack.accessories();
+    if let Some(obi) = &accessories.obi {
+        let mut posed_from_rest = vec![Affine3A::IDENTITY; garment.data().skeleton.frame_count()];
+        let mut positions_m = vec![Vec3::NAN; obi.positions_m.len()];
+        for pose in &poses {
+            obi.pose(garment, pose, &mut posed_from_rest, &mut positions_m);
+            assert!(positions_m.iter().all(|place_m| place_m.is_finite()), "the obi in {pose:?}");
+        }
+    }
+    let mut lengths_m = accessories.paths.iter().map(|path| path.length_m(&garment.data().mesh.positions_m));
+    assert!(lengths_m.all(f32::is_finite));
+    if let Ok(Some(fit)) = pack.fit_data() {
+        fits_are_finite(garment, fit);
+    }
+}
+
+fn frames_are_finite(garment: &Garment, poses: &[Pose]) {
+    let mut scratch = Scratch::new(garment);
+    let mut positions_m = vec![Vec3::NAN; garment.vertex_count()];
+    let mut normals = positions_m.clone();
+    for pose in poses {
+        evaluate(garment, pose, &mut scratch, Frame { positions_m: &mut positions_m, normals: &mut normals });
+        let is_finite = positions_m.iter().chain(&normals).all(|vector| vector.is_finite());
+        assert!(is_finite, "not finite in {pose:?}");
+    }
+}
+
+/// By every rule set for every body that the fit knows, where it is small.
+fn fits_are_finite(garment: &Garment, fit: FitData) {
+    assert!(fit.uv.iter().flatten().all(|uv| uv.is_finite()));
+    if fit.fields.len() > 16 || garment.unique_count() > 1000 {
+        return;
+    }
+    let Ok(fitter) = Fitter::new(garment, fit) else { return };
+    let mut scratch = FitScratch::default();
+    let mut shape_m = vec![Vec3::NAN; garment.unique_count()];
+    for rules in 0..fitter.data().rules.len().min(3) {
+        for body in fitter.data().bodies.iter().take(3) {
+            let Ok(fit) = fitter.fit(&body.measurements, rules, &mut scratch) else { continue };
+            assert!(fit.weights.iter().all(|weight| weight.is_finite()), "{fit:?}");
+            assert!(!fitter.explain(&fit, &body.measurements).is_empty());
+            fitter.shape(&fit, &mut shape_m);
+            assert!(shape_m.iter().all(|place_m| place_m.is_finite()), "{fit:?}");
+        }
+    }
 }
 
 /// The JSON up to the first zero byte, the binary part after it, so that a fuzzer need not count bytes.

@@ -1,8 +1,4 @@
 //! See `tests/hostile.rs`.
 #![no_main]
 
-#[path = "../../tests/hostile.rs"]
-#[allow(dead_code)]
-mod hostile;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| hostile::osc(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| kitsuke_tests::hostile::osc(bytes));

@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Quat, Vec3};
 use kitsuke::arrays::{ChainJoint, Group, Rbf, RbfLayer};
-use kitsuke::arrays::{Driver, GarmentData, Segment, Target, limits};
+use kitsuke::arrays::{Driver, GarmentData, Part, Segment, Target, limits};
 use kitsuke::pack::write::write;
 use kitsuke::skeleton::{Bone, Joint, Skeleton};
 use kitsuke::{Garment, Pack};
-use kitsuke_tests::container::{Container, for_each_damage};
+use kitsuke_tests::container::{Container, Section, for_each_damage};
 use kitsuke_tests::{random, small_garment, small_garment_data};
 
 /// The bound that `Pack::open` documents.
@@ -108,4 +108,91 @@ fn many_chains() -> GarmentData {
         Some(Rbf { layers: vec![RbfLayer { groups, joint_width: 1.0, reach: 1.0, ridge: 1e-6, mirror_ridge: 1e-6 }] });
     data.certificate = None;
     data
+}
+
+/// Counts that a garment may not have, of things that are larger in memory than in the pack: refused before memory is taken.
+#[test]
+fn hostile_counts_stay_below_the_documented_memory() {
+    let mut data = small_garment_data();
+    data.pose_limits.clear();
+    let sound = Container::of(&write(&Garment::new(data).expect("a garment"))).uncompressed();
+    let check = |what: &str, change: &dyn Fn(&mut Container)| {
+        let mut container = sound.clone();
+        change(&mut container);
+        let pack = compressed(container).to_pack();
+        let (opened, usage) = super::usage(|| Pack::open(&pack).map(drop));
+        assert!(opened.is_err(), "{what}");
+        assert!(usage.peak_bytes <= bound(&pack, limits::DECODED_BYTES), "{what}: {} bytes, {usage:?}", pack.len());
+    };
+    check("bounds of no joints", &|container| {
+        let drivers = &mut container.section(b"DRIV").stored;
+        *drivers.last_mut().expect("a count") = 8;
+        let limit = [&[0, 0, 0, 0, 0, 0xff, 0xff][..], &[0; 4 * 0xffff]].concat();
+        (0..8).for_each(|_| drivers.extend(&limit));
+    });
+    check("groups of layers that nobody drives", &|container| {
+        let layer_of_first = 2 + "leftShoulder".len() + 4;
+        container.section(b"DRIV").stored[layer_of_first] = 255;
+        let layer = |groups: u8| [&[0; 32][..], &[groups], &vec![0; 9 * usize::from(groups)]].concat();
+        container.section(b"RBFS").stored = [&[1][..], &layer(0), &layer(255).repeat(255)].concat();
+    });
+}
+
+/// With every section as LZ4 stores it.
+fn compressed(mut container: Container) -> Container {
+    for section in &mut container.sections {
+        section.decoded_length = section.stored.len() as u32;
+        section.stored = lz4_flex::block::compress(&section.stored);
+        section.encoding = 1;
+    }
+    container
+}
+
+/// What a fit needs is decoded within the documented memory, too, however large the garment and few its bytes: fields of no sizes, and one
+/// size whose fields take a bit per number.
+#[test]
+fn hostile_fits_stay_below_the_documented_memory() {
+    let garment = compressed(Container::of(&write(&many_parts())).uncompressed());
+    let joints = small_garment().data().skeleton.joints().len();
+    for sizes in [0, 1] {
+        let mut container = garment.clone();
+        let body = |i: u8| [&[1, 0, b'a' + i, 0][..], &vec![0; 12 * joints]].concat();
+        let bodies = (0..=sizes).flat_map(body).collect::<Vec<u8>>();
+        let fits = [&[sizes + 1, 0, 0, 0][..], &bodies, &[0; 8]].concat();
+        let parts = usize::from(sizes) * limits::PARTS;
+        let residuals = vec![0xff; (parts * 3 * UNIQUE).div_ceil(8)];
+        let fields = [&vec![0; 4 * parts][..], &(residuals.len() as u32).to_le_bytes(), &residuals].concat();
+        for (tag, stored) in [(*b"FITS", fits), (*b"FLDS", fields)] {
+            container.sections.push(Section { tag, encoding: 0, decoded_length: 0, stored });
+        }
+        let uncompressed = container.sections.len() - 2;
+        let fit = compressed(Container { sections: container.sections.split_off(uncompressed), major: 0, minor: 0 });
+        container.sections.extend(fit.sections);
+        let pack = container.to_pack();
+        let opened = Pack::open(&pack).expect("the garment is sound");
+        let (fit, usage) = super::usage(|| opened.fit_data().map(drop));
+        assert!(fit.is_err(), "{sizes}");
+        let unpacked: usize = opened.sections().iter().map(|section| section.unpacked_length).sum();
+        let values = 2 * parts * 3 * UNIQUE;
+        let bound = 8 * (unpacked + values) + (2 << 20);
+        assert!(usage.peak_bytes <= bound as isize, "{sizes}: {unpacked}, {} bytes, {usage:?}", pack.len());
+    }
+}
+
+/// Vertices of [`many_parts`].
+const UNIQUE: usize = 1 << 14;
+
+/// The small garment's skeleton under many triangles between the same two vertices, in as many parts as possible.
+fn many_parts() -> Garment {
+    let mut data = small_garment_data();
+    data.mesh.positions_m = vec![Vec3::ZERO; UNIQUE];
+    data.mesh.source_vertex = (0..UNIQUE as u32).collect();
+    (data.mesh.uv, data.mesh.twin_of) = (Vec::new(), Vec::new());
+    data.skin = vec![data.skin[0]; UNIQUE];
+    data.mesh.triangles = (2..UNIQUE as u32).map(|v| [0, 1, v]).collect();
+    let part = |i| Part { name: format!("{i:x}"), triangle_count: u32::from(i == 0) * (UNIQUE as u32 - 2) };
+    data.mesh.parts = (0..limits::PARTS).map(part).collect();
+    data.segments = vec![Segment { vertex_count: UNIQUE as u32, drivers: Vec::new(), masks: Vec::new() }];
+    data.targets.iter_mut().for_each(|target| (target.segments, target.deltas) = (Vec::new(), Vec::new()));
+    Garment::new(data).expect("within the limits")
 }

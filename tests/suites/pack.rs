@@ -210,6 +210,18 @@ fn faulty_containers_are_refused() {
     );
 }
 
+/// What a garment leaves of the limit is what its fit may decode to.
+#[test]
+fn the_decoded_length_of_a_fit_is_limited() {
+    let limits = || (1000..100_000).step_by(500);
+    let opens = |&limit: &usize| Pack::open_with_limit(V5, limit).is_ok();
+    let fits = |&limit: &usize| Pack::open_with_limit(V5, limit).is_ok_and(|pack| pack.fit_data().is_ok());
+    let (opened, fitted) = (limits().find(opens).unwrap(), limits().find(fits).unwrap());
+    assert!(opened < fitted, "{opened} and {fitted}");
+    let refused = Pack::open_with_limit(V5, opened).unwrap().fit_data().unwrap_err();
+    assert!(matches!(refused, OpenError::Content { problem: ContentProblem::DecodedLength { .. }, .. }), "{refused}");
+}
+
 #[test]
 fn the_decoded_length_is_limited() {
     let pack = write(&small_garment());

@@ -133,7 +133,7 @@ impl<'a> Reader<'a> {
     pub(super) fn column<const WIDTH: usize>(&mut self, count: usize) -> Result<Column, ContentProblem> {
         self.allow(count.saturating_mul(WIDTH))?;
         let mut values = vec![0; count];
-        let mut runs = rans::Decoder::read(self)?;
+        let mut runs = rans::Decoder::read(self, count.div_ceil(RUN))?;
         let (mut class, mut value) = (0, 0u32);
         for run in values.chunks_mut(RUN) {
             runs.run(&mut class, run)?;
@@ -369,6 +369,9 @@ mod tests {
         assert_eq!(reader.text().as_deref(), Ok("a"));
         assert_eq!(reader.flag(), Err(ContentProblem::Flag(7)));
         assert_eq!(reading(&[1, 0, 0xff]).text(), Err(ContentProblem::Utf8));
+        // A table takes a thousand times its bytes to build, so there are no more than runs can name.
+        let tables = [&[2][..], &[1, 255, 0, 8].repeat(2), &1u32.to_le_bytes().repeat(6)].concat();
+        assert_eq!(reading(&tables).column::<4>(0).err(), Some(ContentProblem::Codes));
         let too_much = ContentProblem::DecodedLength { decoded: usize::MAX, allowed: 1 << 20 };
         assert_eq!(reading(&[0xff; 2]).column::<4>(usize::MAX).err(), Some(too_much));
     }

@@ -235,8 +235,8 @@ pub(super) fn read(
         return Err(ContentProblem::Codes);
     }
     from.allow(vertex_count.saturating_mul(6 * field_count))?;
-    let mut references = rans::Decoder::read(from)?;
-    let mut differences = rans::Decoder::read(from)?;
+    let mut references = rans::Decoder::read(from, usize::MAX)?;
+    let mut differences = rans::Decoder::read(from, usize::MAX)?;
     let mut lengths = vec![0; field_count];
     for (count, fields) in segments {
         fields.iter().for_each(|&field| lengths[usize::from(field)] += count);

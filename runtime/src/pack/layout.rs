@@ -385,7 +385,9 @@ pub(super) fn read_drivers(info: &Info, from: &mut Reader<'_>) -> Result<Poses, 
         .map(|_| {
             let bones = (0..from.u8()?).map(|_| read_bone(from)).collect::<Result<_, _>>()?;
             let (bones, margin_rad): (Vec<Bone>, f32) = (bones, from.f32()?);
-            let bounds = (0..from.u16()?)
+            let bound_count = usize::from(from.u16()?);
+            within("bounds of a pose limit", bound_count, limits::LIMIT_BOUNDS)?;
+            let bounds = (0..bound_count)
                 .map(|_| {
                     let normal = (0..3 * bones.len()).map(|_| from.f32()).collect::<Result<_, _>>()?;
                     Ok(PoseBound { normal, most_rad: from.f32()? })
@@ -427,6 +429,8 @@ pub(super) fn read_segments(info: &Info, from: &mut Reader<'_>) -> Result<Vec<Se
         .map(|_| {
             let vertex_count = from.u32()?;
             let driver_count = usize::from(from.u8()?);
+            // Every column of masks brings tables of its own, which take time.
+            within("drivers of a segment", driver_count, info.drivers)?;
             Ok((vertex_count, from.take(driver_count)?.to_vec(), from.flag()?))
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -518,6 +522,7 @@ pub(super) fn read_rbf(
         return Ok(None);
     }
     let layer_count = drivers.iter().map(|driver| usize::from(driver.layer) + 1).max().unwrap_or(0);
+    within("layers", layer_count, limits::DRIVERS)?;
     let layers = (0..layer_count).map(|layer| {
         let count = |targets: &[Target]| targets.iter().filter(|t| usize::from(t.layer) == layer).count();
         let (samples, correctives) = targets.split_at(targets.len().saturating_sub(correctives));
@@ -529,7 +534,9 @@ pub(super) fn read_rbf(
 fn read_rbf_layer(samples: usize, correctives: usize, from: &mut Reader<'_>) -> Result<RbfLayer, ContentProblem> {
     let [joint_width, reach, ridge, mirror_ridge] = [from.f64()?, from.f64()?, from.f64()?, from.f64()?];
     let width = samples + correctives;
-    let groups = (0..from.u8()?)
+    let group_count = usize::from(from.u8()?);
+    within("groups", group_count, limits::DRIVERS)?;
+    let groups = (0..group_count)
         .map(|_| {
             let name = from.text()?;
             let driver_count = usize::from(from.u8()?);
@@ -635,6 +642,11 @@ pub(super) fn write_compression(compression: &Compression, to: &mut Writer) {
     compression.targets.iter().for_each(|loss| write_loss(loss, to));
     to.u32(compression.poses);
     write_loss(&compression.surface, to);
+}
+
+/// Checks a count that is not a `u32`, where what is counted takes more memory than bytes.
+fn within(what: &'static str, count: usize, limit: usize) -> Result<(), ContentProblem> {
+    if count > limit { Err(ContentProblem::Count { what, count, limit }) } else { Ok(()) }
 }
 
 fn read_bone(from: &mut Reader<'_>) -> Result<Bone, ContentProblem> {

@@ -1,5 +1,27 @@
 //! The pack: a garment as bytes. Opening checks everything once; what a pack contains stands in [`layout`], how numbers
 //! are stored in [`codec`]. Knows nothing of files or frames.
+//!
+//! # Limits
+//! A pack is hostile input. What lies beyond these limits is refused, counts before memory is taken for what they count.
+//!
+//! | what | at most |
+//! |---|---|
+//! | bytes of a pack | 256 MiB ([`limits::PACK_BYTES`]) |
+//! | bytes that n bytes decode to, garment, accessories and fit together | 255 n, 512 MiB ([`limits::DECODED_BYTES`]), and the limit of [`Pack::open_with_limit`] |
+//! | memory of [`Pack::open`] | 3 times as much and 2 MiB |
+//! | memory of `Pack::fit_data` beside the open pack | 8 times as much and 2 MiB |
+//! | sections | 64 ([`layout::SECTIONS`]) |
+//! | vertices with seam twins, triangles, parts | 2²², 2²³, 256 |
+//! | targets, drivers and layers, segments | 4096, 32, 4096 |
+//! | poses between the samples, joints in a chain | 1024 of all groups, 16 |
+//! | pose limits, their joints, their bounds | 8, 8, 1024 |
+//! | bytes of a name | 256 |
+//! | coordinates, texture coordinates | ±100 m, ±1024 |
+//! | sizes, dimensions, rule sets | 127, 256, 64 |
+//! | deltas of all sizes' fields | 2²⁵ |
+//! | dimensions, checks and limits of a rule set; steps of a program | 256 each; 1024 |
+//! | vertices and triangles of the obi, paths | 2¹⁸ and 2¹⁹, 256 |
+//! | texture | 16384 pixels a side, 64 MiB |
 
 pub mod codec;
 mod field;
@@ -32,6 +54,9 @@ pub struct Pack {
     /// The sections of a fit as they are stored.
     #[cfg(feature = "fit")]
     fit: Vec<(SectionInfo, Vec<u8>)>,
+    /// Bytes that the arrays in them may decode to: what the garment has left.
+    #[cfg(feature = "fit")]
+    fit_allowed: usize,
 }
 
 /// What the section table of a pack says.
@@ -64,7 +89,7 @@ impl Pack {
         Pack::open_with_limit(bytes, limits::DECODED_BYTES)
     }
 
-    /// [`Pack::open`] with a smaller limit, `decoded_bytes`, for all decoded sections together.
+    /// [`Pack::open`] with a smaller limit, `decoded_bytes`, for all decoded sections together, those of [`Pack::fit_data`] included.
     ///
     /// # Errors
     /// As [`Pack::open`].
@@ -76,12 +101,16 @@ impl Pack {
         let mut sections_read = Sections { bytes, sections: &mut sections, allowed };
         let garment = Garment::new(read_garment(&mut sections_read)?)?;
         let accessories = read_accessories(&mut sections_read, &garment)?;
+        #[cfg(feature = "fit")]
+        let fit_allowed = sections_read.allowed;
         Ok(Pack {
             version,
             garment,
             accessories,
             #[cfg(feature = "fit")]
             fit: stored_fit(bytes, &sections),
+            #[cfg(feature = "fit")]
+            fit_allowed,
             sections,
         })
     }
@@ -89,14 +118,17 @@ impl Pack {
     /// What fitting the garment to a wearer needs, decoded and checked; `None` when it has no sizes.
     ///
     /// # Errors
-    /// When these sections are wrong; says which and what.
+    /// When these sections are wrong, or decode to more than the limit with which the pack was opened has left; says which and what.
+    ///
+    /// # Memory
+    /// Beside the open pack of n bytes never more than 8 × min(255 n, [`limits::DECODED_BYTES`]) + 2 MiB.
     #[cfg(feature = "fit")]
     pub fn fit_data(&self) -> Result<Option<FitData>, OpenError> {
         if self.fit.is_empty() {
             return Ok(None);
         }
         let garment = &self.garment;
-        let mut allowed = limits::DECODED_BYTES;
+        let mut allowed = self.fit_allowed;
         let find = |tag| self.fit.iter().find(|(section, _)| section.tag == tag);
         let need = |tag| find(tag).ok_or(OpenError::Missing(tag));
         let mut fit = read_stored(need(layout::FITS)?, &mut allowed, |from| layout::fit::read_fit(garment, from))?;

@@ -74,10 +74,11 @@ pub(super) struct Decoder<'a> {
 const DAMAGED: ContentProblem = ContentProblem::Codes;
 
 impl<'a> Decoder<'a> {
-    /// Reads tables and states; the runs are decoded as they are asked for.
-    pub(super) fn read(from: &mut Reader<'a>) -> Result<Decoder<'a>, ContentProblem> {
+    /// Reads tables and states; the runs, `most_runs` of them, are decoded as they are asked for. Each table but the first is that of a
+    /// run at least: building one takes longer than reading its few bytes.
+    pub(super) fn read(from: &mut Reader<'a>, most_runs: usize) -> Result<Decoder<'a>, ContentProblem> {
         let count = usize::from(from.u8()?);
-        if count == 0 || count > TABLES {
+        if count == 0 || count > TABLES.min(most_runs.saturating_add(1)) {
             return Err(DAMAGED);
         }
         let mut tables = Vec::with_capacity(count);
@@ -368,7 +369,7 @@ mod tests {
 
     fn decoded(bytes: &[u8], runs: &[(usize, Vec<u32>)]) -> Result<Vec<Vec<u32>>, ContentProblem> {
         let mut reader = Reader::new(bytes, 0);
-        let mut decoder = Decoder::read(&mut reader)?;
+        let mut decoder = Decoder::read(&mut reader, usize::MAX)?;
         let mut classes = [0; 8];
         let runs = runs.iter().map(|(lane, run)| {
             let mut numbers = vec![7; run.len()];

@@ -30,14 +30,16 @@ impl Predictor {
             // Of several the last one, which is the nearest in memory.
             before[b as usize] = if before[b as usize] == b { a } else { before[b as usize].max(a) };
         }
-        let mut found: Vec<(u32, Parallelogram)> = Vec::new();
-        for pair in sides.windows(2) {
+        let parallelogram = |pair: &[(u32, u32, u32)]| {
             let ((a, b, c), (other_a, other_b, d)) = (pair[0], pair[1]);
             let last = c.max(d);
-            if (a, b) == (other_a, other_b) && c != d && last > b {
-                found.push((last, [a, b, c.min(d)]));
-            }
-        }
+            ((a, b) == (other_a, other_b) && c != d && last > b).then_some((last, [a, b, c.min(d)]))
+        };
+        // Counted before, so that no more memory is taken than needed.
+        let mut found: Vec<(u32, Parallelogram)> =
+            Vec::with_capacity(sides.windows(2).filter_map(parallelogram).count());
+        found.extend(sides.windows(2).filter_map(parallelogram));
+        drop(sides);
         found.sort_unstable();
         let mut starts = vec![0; vertex_count + 1];
         for (vertex, _) in &found {

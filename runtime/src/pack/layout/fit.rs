@@ -16,6 +16,10 @@ use {crate::pack::codec::Writer, crate::pack::residuals::ResidualWriter};
 /// The section `FITS`: everything but fields and texture coordinates.
 pub(in crate::pack) fn read_fit(garment: &Garment, from: &mut Reader<'_>) -> Result<FitData, ContentProblem> {
     let bodies = from.count("bodies", limits::SIZES + 1)?;
+    // Fields of no sizes would take memory without bytes.
+    if bodies < 2 {
+        return Err(ContentProblem::Count { what: "size targets", count: 0, limit: limits::SIZES });
+    }
     let bodies = (0..bodies).map(|_| read_body(garment, from)).collect::<Result<_, _>>()?;
     let dimensions = from.count("dimensions", limits::DIMENSIONS)?;
     let dimensions = (0..dimensions).map(|_| read_dimension(from)).collect::<Result<_, _>>()?;
@@ -81,10 +85,14 @@ fn write_dimension(Dimension { name, ja, rule, offset_m, load, vertices }: &Dime
 fn read_rules(from: &mut Reader<'_>) -> Result<RuleSet, ContentProblem> {
     let [name, source] = [from.text()?, from.text()?];
     let dimensions = (0..from.u16()?)
-        .map(|_| Ok(DimensionRule { name: from.text()?, ja: from.text()?, program: read_program(from)? }))
+        .map(|_| {
+            from.allow(size_of::<DimensionRule>())?;
+            Ok(DimensionRule { name: from.text()?, ja: from.text()?, program: read_program(from)? })
+        })
         .collect::<Result<_, _>>()?;
     let checks = (0..from.u16()?)
         .map(|_| {
+            from.allow(size_of::<Check>())?;
             let (name, value) = (from.text()?, read_program(from)?);
             let limits = (0..from.u16()?).map(|_| read_limit(from)).collect::<Result<_, _>>()?;
             Ok(Check { name, value, limits })
@@ -116,6 +124,7 @@ const SIDES: [Side; 2] = [Side::Below, Side::Above];
 const LEVELS: [Level; 3] = [Level::Ok, Level::Warn, Level::Impossible];
 
 fn read_limit(from: &mut Reader<'_>) -> Result<Limit, ContentProblem> {
+    from.allow(size_of::<Limit>())?;
     let of = |what, number: u8| ContentProblem::Number { what, number };
     let side = from.u8()?;
     let side = *SIDES.get(usize::from(side)).ok_or(of("side", side))?;
@@ -157,6 +166,7 @@ const FIRST_PLAIN: u8 = 4;
 
 fn read_program(from: &mut Reader<'_>) -> Result<Vec<Op>, ContentProblem> {
     let count = from.u16()?;
+    from.allow(usize::from(count) * size_of::<Op>())?;
     let op = |_| {
         Ok(match from.u8()? {
             CONSTANT => Op::Constant(from.f32()?),
@@ -247,6 +257,7 @@ pub(in crate::pack) fn read_fields(
     if values > 8 * length || values / 3 > limits::DELTAS {
         return Err(ContentProblem::Ends { needed: values.div_ceil(8), left: length });
     }
+    from.allow(2 * values)?;
     let mut fields: Vec<Field> =
         steps.into_iter().map(|step_m| Field { step_m, deltas: vec![[0; 3]; count] }).collect();
     let mut reader = ResidualReader::new(bits, parts + 1);
@@ -320,6 +331,7 @@ pub(in crate::pack) fn read_uv(
     if values > 8 * length {
         return Err(ContentProblem::Ends { needed: values.div_ceil(8), left: length });
     }
+    from.allow(4 * values)?;
     let predictor = Predictor::new(count, &garment.data().mesh.triangles);
     let mut uv = vec![vec![Vec2::ZERO; count]; sizes];
     let mut known = vec![0i32; count];
