@@ -1,5 +1,5 @@
-//! The codec of vector fields over the cloth, such as the deltas of targets: whole steps per vertex and field. Encoder and
-//! decoder side by side. Knows the mesh and numbers, not what the fields are for.
+//! The codec of vector fields over the cloth, such as the deltas of targets: whole steps per vertex and field. The decoder;
+//! beside it the encoder, and the choice of the steps. Knows the mesh and numbers, not what the fields are for.
 //!
 //! A field is smooth over the cloth, and it resembles other fields. So every vector is predicted, and only the difference
 //! is stored:
@@ -23,9 +23,14 @@ use glam::Vec3;
 use std::ops::Range;
 
 #[cfg(feature = "write")]
-pub(super) use encode::write;
+mod choice;
 #[cfg(feature = "write")]
-pub use encode::{Wanted, quantise};
+mod encode;
+
+#[cfg(feature = "write")]
+pub use choice::{Wanted, quantise};
+#[cfg(feature = "write")]
+pub(super) use encode::write;
 
 /// Neighbours of a vertex that stand before it and are remembered.
 const LOWER: usize = 8;
@@ -206,6 +211,14 @@ fn patches<'a>(segments: &'a [(usize, Vec<u16>)]) -> impl Iterator<Item = Patch<
     })
 }
 
+/// Appends what the rows hold of a patch to the steps of its fields.
+fn append(patch: &Patch<'_>, rows: &[[f32; 4]], quads: usize, steps: &mut [Vec<[i16; 3]>]) {
+    for field in patch.fields.iter().map(|&field| usize::from(field)) {
+        let values = rows[patch.vertices.start * quads..patch.vertices.end * quads].chunks_exact(quads);
+        steps[field].extend(values.map(|row| row.as_flattened().as_chunks::<3>().0[field].map(whole)));
+    }
+}
+
 /// Of an earlier field: number of that field, and which share of its difference is added.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reference {
@@ -289,228 +302,9 @@ pub(super) fn read(
                 }
             }
         }
-        for field in fields.iter().map(|&field| usize::from(field)) {
-            let values = rows[vertices.start * quads..vertices.end * quads].chunks_exact(quads);
-            steps[field].extend(values.map(|row| row.as_flattened().as_chunks::<3>().0[field].map(whole)));
-        }
+        append(&Patch { vertices, fields }, &rows, quads, &mut steps);
     }
     references.finish()?;
     differences.finish()?;
     Ok(steps)
-}
-
-#[cfg(feature = "write")]
-mod encode {
-    use super::*;
-    use crate::arrays::{Mesh, Segment};
-    use crate::pack::codec::Writer;
-
-    /// A reference must save so many bits to be worth naming.
-    const NAMING: f64 = 6.0;
-
-    /// Writes fields for [`read`].
-    pub(in super::super) fn write(
-        fields: &[&[[i16; 3]]],
-        segments: &[(usize, Vec<u16>)],
-        lower: &Lower,
-        positions_m: &[Vec3],
-        to: &mut Writer,
-    ) {
-        let rows = rows(fields, segments);
-        let quads = quads(fields.len());
-        let references = references(&rows, fields.len(), segments, lower, positions_m);
-        let mut own = vec![0u32; fields.len()];
-        let mut changes: Vec<Vec<u32>> = Vec::new();
-        let mut differences: Vec<(usize, Vec<u32>)> = Vec::new();
-        let mut along = vec![[0.0; 4]; quads];
-        for (patch, references) in patches(segments).zip(&references) {
-            let change = |(&field, &reference): (&u16, &u32)| {
-                let before = std::mem::replace(&mut own[usize::from(field)], reference);
-                if before == reference { 0 } else { 1 + reference }
-            };
-            changes.push(patch.fields.iter().zip(references).map(change).collect());
-            let mut runs = vec![Vec::with_capacity(RUN); 3 * patch.fields.len()];
-            for vertex in patch.vertices {
-                let row = rows[vertex * quads..][..quads].as_flattened();
-                Stencil::new(vertex as u32, lower, positions_m).predict(&rows, quads, &mut along);
-                for (place, (&field, &reference)) in patch.fields.iter().zip(references).enumerate() {
-                    let predicted = predicted(3 * usize::from(field), reference, row, along.as_flattened());
-                    for i in 0..3 {
-                        let difference = row[3 * usize::from(field) + i] - round(predicted[i]);
-                        runs[3 * place + i].push(zigzag(difference as i32));
-                    }
-                }
-            }
-            let lane = |place: usize| 3 * usize::from(patch.fields[place / 3]) + place % 3;
-            differences.extend(runs.into_iter().enumerate().map(|(place, run)| (lane(place), run)));
-        }
-        rans::encode(changes.iter().flat_map(|changes| changes.chunks(RUN)).map(|run| (0, run)), to);
-        rans::encode(differences.iter().map(|(lane, run)| (*lane, run.as_slice())), to);
-    }
-
-    /// What [`read`] predicts.
-    fn predicted(lane: usize, reference: u32, row: &[f32], along: &[f32]) -> [f32; 3] {
-        let mut predicted = [along[lane], along[lane + 1], along[lane + 2]];
-        if let Some(Reference { field, share }) = Reference::from_number(reference) {
-            for i in 0..3 {
-                predicted[i] += share * (row[3 * field + i] - along[3 * field + i]);
-            }
-        }
-        predicted
-    }
-
-    fn zigzag(signed: i32) -> u32 {
-        ((signed << 1) ^ (signed >> 31)) as u32
-    }
-
-    /// All fields' values of a vertex side by side, vertex after vertex.
-    fn rows(fields: &[&[[i16; 3]]], segments: &[(usize, Vec<u16>)]) -> Vec<[f32; 4]> {
-        let vertex_count: usize = segments.iter().map(|(count, _)| count).sum();
-        let width = 4 * quads(fields.len());
-        let mut rows = vec![[0.0; 4]; vertex_count * width / 4];
-        let values = rows.as_flattened_mut();
-        let mut rest: Vec<_> = fields.iter().map(|field| field.iter()).collect();
-        for Patch { vertices, fields } in patches(segments) {
-            for &field in fields {
-                let rest = &mut rest[usize::from(field)];
-                for (vertex, steps) in vertices.clone().zip(rest) {
-                    let lane = vertex * width + 3 * usize::from(field);
-                    values[lane..lane + 3].copy_from_slice(&steps.map(f32::from));
-                }
-            }
-        }
-        rows
-    }
-
-    /// For every patch and field of it the reference that saves most, as its number.
-    fn references(
-        rows: &[[f32; 4]],
-        field_count: usize,
-        segments: &[(usize, Vec<u16>)],
-        lower: &Lower,
-        positions_m: &[Vec3],
-    ) -> Vec<Vec<u32>> {
-        let quads = quads(field_count);
-        let width = 4 * quads;
-        let mut own = vec![0u32; field_count];
-        let of_patch = |Patch { vertices, fields }: Patch<'_>| {
-            // What the prediction along the mesh leaves.
-            let mut left = vec![[0.0; 4]; vertices.len() * quads];
-            for (vertex, left) in vertices.clone().zip(left.chunks_mut(quads)) {
-                Stencil::new(vertex as u32, lower, positions_m).predict(rows, quads, left);
-                let row = rows[vertex * quads..].as_flattened();
-                left.as_flattened_mut().iter_mut().zip(row).for_each(|(left, value)| *left = value - *left);
-            }
-            let left = left.as_flattened();
-            let bits = |lane: usize, other: usize, share: f32| {
-                let mut bits = 0.0;
-                for rows in left.chunks(8 * width) {
-                    let row = |row: &[f32]| {
-                        let size = |i: usize| f64::from(1.0 + 2.0 * (row[lane + i] - share * row[other + i]).abs());
-                        size(0) * size(1) * size(2)
-                    };
-                    bits += libm::log2(rows.chunks(width).map(row).product());
-                }
-                bits
-            };
-            let best = |&field: &u16| {
-                let lane = 3 * usize::from(field);
-                let candidates = fields
-                    .iter()
-                    .filter(|other| **other < field)
-                    .flat_map(|other| (0..4).map(move |share| (other, share)));
-                let candidates = candidates.map(|(&other, share)| {
-                    let number = 1 + 4 * u32::from(other) + share;
-                    (number, bits(lane, 3 * usize::from(other), (share + 1) as f32 / 4.0))
-                });
-                let naming = |(number, bits): (u32, f64)| {
-                    (number, bits + if number == own[usize::from(field)] { 0.0 } else { NAMING })
-                };
-                let all = std::iter::once((0, bits(lane, lane, 0.0))).chain(candidates).map(naming);
-
-                all.min_by(|(_, a), (_, b)| a.total_cmp(b)).expect("none is a candidate").0
-            };
-            let best: Vec<u32> = fields.iter().map(best).collect();
-            for (&field, &best) in fields.iter().zip(&best) {
-                own[usize::from(field)] = best;
-            }
-            best
-        };
-        patches(segments).map(of_patch).collect()
-    }
-
-    /// A field that is to be stored, as long as the segments that it moves.
-    #[derive(Clone, Debug)]
-    pub struct Wanted {
-        /// The segments, ascending.
-        pub segments: Vec<u16>,
-        /// x, y, z per vertex of those segments, in steps, not yet whole.
-        pub steps: Vec<Vec3>,
-    }
-
-    /// Whole steps within `radius` steps of what is wanted, such that the fields take few bytes: of the points within the
-    /// ball the one nearest to its prediction. Every ball must hold a whole point: the radius is √3/2 or more.
-    ///
-    /// # Panics
-    /// When the mesh, the segments and the fields do not fit each other, or steps lie outside 16 bits.
-    #[must_use]
-    pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f32) -> Vec<Vec<[i16; 3]>> {
-        let lower = Lower::new(mesh.positions_m.len(), &mesh.twin_of, &mesh.triangles);
-        let moved = |segment: usize| {
-            (0..wanted.len() as u16)
-                .filter(move |&field| wanted[usize::from(field)].segments.contains(&(segment as u16)))
-        };
-        let segments: Vec<(usize, Vec<u16>)> = segments
-            .iter()
-            .enumerate()
-            .map(|(s, segment)| (segment.vertex_count as usize, moved(s).collect()))
-            .collect();
-        let nearest = |wanted: &Wanted| wanted.steps.iter().map(|s| s.round().to_array().map(|s| s as i16)).collect();
-        let mut steps: Vec<Vec<[i16; 3]>> = wanted.iter().map(nearest).collect();
-        let fields: Vec<&[[i16; 3]]> = steps.iter().map(Vec::as_slice).collect();
-        let mut rows = rows(&fields, &segments);
-        let quads = quads(wanted.len());
-        let references = references(&rows, wanted.len(), &segments, &lower, &mesh.positions_m);
-
-        let mut at = vec![0; wanted.len()];
-        let mut along = vec![[0.0; 4]; quads];
-        for (patch, references) in patches(&segments).zip(&references) {
-            for vertex in patch.vertices {
-                let (before, row) = rows.split_at_mut(vertex * quads);
-                Stencil::new(vertex as u32, &lower, &mesh.positions_m).predict(before, quads, &mut along);
-                let row = row[..quads].as_flattened_mut();
-                for (&field, &reference) in patch.fields.iter().zip(references) {
-                    let (field, lane) = (usize::from(field), 3 * usize::from(field));
-                    let predicted = predicted(lane, reference, row, along.as_flattened()).map(round);
-                    let point = cheapest(wanted[field].steps[at[field]], predicted, radius);
-                    row[lane..lane + 3].copy_from_slice(&point);
-                    steps[field][at[field]] = point.map(|value| value as i16);
-                    at[field] += 1;
-                }
-            }
-        }
-        steps
-    }
-
-    /// The whole point within the ball that differs least from the prediction, then the one nearest to the center.
-    fn cheapest(center: Vec3, predicted: [f32; 3], radius: f32) -> [f32; 3] {
-        let candidates = center.to_array().map(|c| (c - radius).ceil() as i32..=(c + radius).floor() as i32);
-        let [xs, ys, zs] = candidates;
-        let mut best = center.round().to_array();
-        let mut least = (f32::INFINITY, f32::INFINITY);
-        for x in xs {
-            for y in ys.clone() {
-                for z in zs.clone() {
-                    let point = [x as f32, y as f32, z as f32];
-                    let apart = Vec3::from_array(point).distance_squared(center);
-                    let differs: f32 = (0..3).map(|i| (point[i] - predicted[i]).abs()).sum();
-                    let is_stored = point.iter().all(|value| value.abs() <= f32::from(i16::MAX));
-                    if apart <= radius * radius && (differs, apart) < least && is_stored {
-                        (least, best) = ((differs, apart), point);
-                    }
-                }
-            }
-        }
-        best
-    }
 }
