@@ -52,7 +52,9 @@ pub enum PartError {
     #[error("the cut parts no two triangles of the cloth")]
     Misses,
     /// Too near to earlier cuts.
-    #[error("the cut would leave triangles without area: it runs too near along an earlier one")]
+    #[error(
+        "the cut would leave triangles without area or borders in one place: it runs too near along an earlier one"
+    )]
     Thin,
 }
 
@@ -72,7 +74,7 @@ struct Net {
 /// cloth whole there. `carried` has a value for each vertex.
 ///
 /// # Errors
-/// When the line is none, misses the cloth, or would leave triangles without area.
+/// When the line is none, misses the cloth, or would leave triangles without area or borders in one place.
 ///
 /// # Panics
 /// When `carried` has more or fewer values than the cloth vertices.
@@ -97,7 +99,7 @@ pub fn part(flat: &Flat, carried: &[&[DVec3]], line_m: &[DVec2], blade: Blade) -
         net.straight([from_m, to_m], [from, to], blade.moves);
         (from, from_m) = (to, to_m);
     }
-    let cut_m = net.part(blade.kerf_m);
+    let cut_m = net.part(blade.kerf_m)?;
     if cut_m <= 0.0 {
         return Err(PartError::Misses);
     }
@@ -196,12 +198,13 @@ impl Net {
             }
             let onto_m = match self.beside(v, &around[v as usize])[..] {
                 [] => Some(at_m - along.perp() * beyond_m),
-                // Along a straight border.
+                // Along a border that is nearly straight, towards the neighbour on the line's side: the other's way would leave the cloth where it bends.
                 [a, b] => {
-                    let [a, b] = [a, b].map(|other| (self.places_m[other as usize] - at_m).normalize_or_zero());
-                    let slant = along.perp_dot(a);
-                    let is_straight = a.dot(b) < -STRAIGHT && slant.abs() > ALONG;
-                    is_straight.then(|| at_m - a * (beyond_m / slant))
+                    let ways = [a, b].map(|other| (self.places_m[other as usize] - at_m).normalize_or_zero());
+                    let is_straight = ways[0].dot(ways[1]) < -STRAIGHT;
+                    let way = ways.into_iter().find(|way| is_straight && along.perp_dot(*way) * beyond_m <= 0.0);
+                    let way = way.filter(|way| along.perp_dot(*way).abs() > ALONG);
+                    way.map(|way| at_m - way * (beyond_m / along.perp_dot(way)))
                 }
                 _ => None,
             };
@@ -250,25 +253,31 @@ impl Net {
         neighbours.into_iter().filter(|(_, count)| *count == 1).map(|(other, _)| other).collect()
     }
 
-    /// Moves a vertex, unless it is fixed or a triangle would lose too much of its area. Whether it is there now.
+    /// Moves a vertex, unless it is fixed, a triangle would lose too much of its area or the cloth would grow over its border. Whether it is there now.
     fn comes(&mut self, vertex: u32, to_m: DVec2, around: &[usize]) -> bool {
         if self.fixed.contains(&vertex) {
             return false;
         }
         let doubled_m2 = |[a, b, c]: [DVec2; 3]| (b - a).perp_dot(c - a);
         let mut within: Option<(f64, usize, DVec3)> = None;
+        let (mut all_m2, mut grown_m2) = (0.0, 0.0);
         for &triangle in around {
             let before_m = self.corners_m(triangle);
             let after_m = [0, 1, 2].map(|i| if self.triangles[triangle][i] == vertex { to_m } else { before_m[i] });
             if doubled_m2(after_m) < KEEPS * doubled_m2(before_m) {
                 return false;
             }
+            all_m2 += doubled_m2(before_m);
+            grown_m2 += doubled_m2(after_m) - doubled_m2(before_m);
             let shares = shares(before_m, to_m);
             if within.is_none_or(|(least, ..)| shares.min_element() > least) {
                 within = Some((shares.min_element(), triangle, shares));
             }
         }
         let Some((_, triangle, shares)) = within else { return false };
+        if grown_m2 > 1e-9 * all_m2 {
+            return false;
+        }
         let corners = self.triangles[triangle];
         for values in &mut self.carried {
             values[vertex as usize] = (0..3).map(|i| values[corners[i] as usize] * shares[i]).sum();
@@ -304,8 +313,8 @@ impl Net {
     }
 
     /// Parts the cloth along what was cut: at each vertex, triangles that are joined by other edges only through it get a vertex of their own. How much was cut,
-    /// metres.
-    fn part(&mut self, kerf_m: f64) -> f64 {
+    /// metres; an error where borders have no room to come apart.
+    fn part(&mut self, kerf_m: f64) -> Result<f64, PartError> {
         let edges = self.edges();
         let is_inner = |edge: &&[u32; 2]| edges.get(*edge) == Some(&2);
         let length_m = |[a, b]: &[u32; 2]| self.places_m[*a as usize].distance(self.places_m[*b as usize]);
@@ -331,12 +340,22 @@ impl Net {
             }
         }
         let mut of = 0;
+        let mut stays = false;
         let mut moved = Vec::new();
         for (mine, fan) in &borders {
             if (*mine as usize) < self.places_m.len() {
                 of = *mine;
+                stays = false;
             }
-            let (triangle, shares) = self.drawn_back(of, fan, 0.5 * kerf_m);
+            let (triangle, shares) = match self.drawn_back(of, fan, 0.5 * kerf_m) {
+                Some(back) => back,
+                // One border may stay where the others draw back; two would lie in one place, and cloth would meet itself.
+                None if stays => return Err(PartError::Thin),
+                None => {
+                    stays = true;
+                    (fan[0], DVec3::from_array(self.triangles[fan[0]].map(|v| f64::from(v == of))))
+                }
+            };
             let corners = self.triangles[triangle];
             let place_m: DVec2 = (0..3).map(|i| self.places_m[corners[i] as usize] * shares[i]).sum();
             let values: Vec<DVec3> = (self.carried.iter())
@@ -351,12 +370,12 @@ impl Net {
             self.carried.iter_mut().zip(values).for_each(|(carried, value)| carried[vertex] = value);
         }
         self.triangles = parted;
-        cut_m
+        Ok(cut_m)
     }
 
     /// Where a vertex of a border comes to lie when the border draws back by `back_m` into its own triangles, as a place in one of these: borders stay parallel, and at the
-    /// cloth's outline it goes along that.
-    fn drawn_back(&self, vertex: u32, fan: &[usize], back_m: f64) -> (usize, DVec3) {
+    /// cloth's outline it goes along that. None where there is no room, in triangles much narrower than `back_m`.
+    fn drawn_back(&self, vertex: u32, fan: &[usize], back_m: f64) -> Option<(usize, DVec3)> {
         let at_m = self.places_m[vertex as usize];
         // Counter-clockwise, the fan begins at one border and ends at the other.
         let turned = |triangle: &usize| {
@@ -370,6 +389,11 @@ impl Net {
             }
         };
         let (firsts, lasts): (Vec<u32>, Vec<u32>) = fan.iter().map(turned).map(|[first, last]| (first, last)).unzip();
+        // At a corner of more than half a turn, into the cloth where the outline would go on; along the outline itself the border would come over the other one.
+        let along = |outline: DVec2, normal: DVec2| {
+            let slant = outline.dot(normal);
+            outline / slant.abs().max(ALONG).copysign(slant)
+        };
         let first = firsts.iter().find(|v| !lasts.contains(v));
         let last = lasts.iter().find(|v| !firsts.contains(v));
         let way = first.zip(last).map_or(DVec2::ZERO, |(&first, &last)| {
@@ -381,8 +405,8 @@ impl Net {
                     let both = normals[0] + normals[1];
                     both / (0.5 * both.length_squared()).max(1e-9)
                 }
-                [true, false] => ways[1] / ways[1].dot(normals[0]).max(ALONG),
-                [false, true] => ways[0] / ways[0].dot(normals[1]).max(ALONG),
+                [true, false] => along(ways[1], normals[0]),
+                [false, true] => along(ways[0], normals[1]),
                 [false, false] => ways[0] + ways[1],
             }
         });
@@ -395,11 +419,11 @@ impl Net {
             let (triangle, shares) = within(at_m + way_m);
             let own = self.triangles[triangle].iter().position(|v| *v == vertex).map_or(0.0, |i| shares[i]);
             if shares.min_element() > -1e-3 && own >= 1.0 - DRAWN_BACK {
-                return (triangle, shares);
+                return Some((triangle, shares));
             }
             way_m *= 0.5;
         }
-        within(at_m)
+        None
     }
 
     /// The triangles at a vertex in groups that edges join which are not cut.
@@ -440,7 +464,7 @@ fn shares([a, b, c]: [DVec2; 3], place_m: DVec2) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::intersections::self_intersections;
+    use crate::intersections::{Crossing, self_intersections};
     use proptest::prelude::*;
 
     const BLADE: Blade = Blade { kerf_m: 1e-3, moves: true };
@@ -552,6 +576,60 @@ mod tests {
         assert_eq!(cut(&flat, &[(0.1, 0.1), (f64::NAN, 0.2)]), Err(PartError::Line));
     }
 
+    #[test]
+    fn a_sliver_beside_an_earlier_cut_that_is_narrower_than_the_blade_is_not_cut() {
+        // Pieces of the second line cross where its first piece leaves a sliver between it and the border of the first line, a few micrometres high. Of
+        // the four corners there, two have no room to draw back.
+        let lines: [&[(f64, f64)]; 2] = [
+            &[(0.0, 0.1057142842141176), (0.21656015769441675, 0.18086465628422102)],
+            &[
+                (-0.013794106120003471, 0.0951020710558992),
+                (0.17054672798360823, 0.16992350376017062),
+                (0.09939995837314938, 0.0684904243637957),
+                (0.04555708925687756, 0.2521301342456422),
+            ],
+        ];
+        let [first, second] = lines.map(|line| line.iter().map(|place| DVec2::from(*place)).collect::<Vec<_>>());
+        let blade = Blade { moves: false, ..BLADE };
+        let once = part(&cloth(), &[], &first, blade).unwrap().flat;
+        let twice = part(&once, &[&rolled(&once)], &second, blade);
+        let crossings = twice.map(|twice| self_intersections(&twice.carried[0], &twice.flat.triangles));
+        assert_eq!(crossings, Err(PartError::Thin));
+    }
+
+    /// Where the cloth lies over itself, laid out flat.
+    fn overlaps(flat: &Flat) -> Vec<Crossing> {
+        let places_m: Vec<DVec3> = flat.places_m.iter().map(|place_m| place_m.extend(0.0)).collect();
+        self_intersections(&places_m, &flat.triangles)
+    }
+
+    #[test]
+    fn a_cut_from_the_end_of_an_earlier_one_lays_no_cloth_over_cloth() {
+        // The earlier cut's borders are outline there, on one side of the later cut at a corner of more than half a turn.
+        for moves in [true, false] {
+            let blade = Blade { moves, ..BLADE };
+            let end_m = DVec2::new(0.1, 0.125);
+            let once = part(&cloth(), &[], &[DVec2::new(-0.01, 0.125), end_m], blade).unwrap().flat;
+            for to_m in [(0.3, 0.13), (0.3, 0.4), (0.1, 0.4), (-0.01, 0.19), (-0.01, 0.05), (0.1, -0.1), (0.3, 0.0)] {
+                let twice = part(&once, &[], &[end_m, to_m.into()], blade).unwrap();
+                assert_eq!(overlaps(&twice.flat), [], "to {to_m:?}, moves: {moves}");
+                let lost_m2 = area_m2(&once) - area_m2(&twice.flat);
+                assert!(lost_m2 > 0.0 && lost_m2 < 1.1e-3 * twice.cut_m, "to {to_m:?}: {lost_m2} of {}", twice.cut_m);
+            }
+        }
+    }
+
+    #[test]
+    fn a_border_that_comes_onto_a_line_stays_on_its_side_of_a_narrow_slit() {
+        // Both lines leave the cloth in one place, the first nearly along the outline.
+        let lines = [[(0.1866, 0.2875), (0.2171, 0.0)], [(0.1273, -0.0244), (0.23, 0.2673)]];
+        let mut flat = cloth();
+        for line in lines {
+            flat = part(&flat, &[], &line.map(DVec2::from), BLADE).unwrap().flat;
+            assert_eq!(overlaps(&flat), []);
+        }
+    }
+
     proptest! {
         #[test]
         fn however_often_cloth_is_cut_it_stays_a_manifold(
@@ -573,6 +651,8 @@ mod tests {
                     Err(error) => prop_assert!(error == PartError::Misses || error == PartError::Thin),
                 }
                 pieces(&flat);
+                let overlaps = overlaps(&flat);
+                prop_assert!(overlaps.is_empty(), "{overlaps:?}");
                 let lost_m2 = whole_m2 - area_m2(&flat);
                 prop_assert!(lost_m2 >= -1e-12 && lost_m2 <= 2e-3 * cut_m + 1e-12, "{lost_m2} of {cut_m}");
             }
