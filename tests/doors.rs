@@ -7,12 +7,36 @@ use kitsuke::skeleton::Pose;
 use kitsuke::{Frame, Pack, Scratch, evaluate};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command};
 
 /// The root of the work tree.
 #[must_use]
 pub fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ is in the repository")
+}
+
+/// The verbs as they are built, in the work tree; none with a message where they are not.
+#[must_use]
+pub fn xtask() -> Option<Command> {
+    let path = repository().join("target/release/xtask");
+    if !path.exists() {
+        eprintln!("skipped: first run cargo build --release --package xtask");
+        return None;
+    }
+    let mut command = Command::new(path);
+    command.current_dir(repository());
+    Some(command)
+}
+
+/// A child that ends with its test, also where that fails.
+pub struct Ended(pub Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// Poses that the clients read: 223 floats each, rotations by bone, then the hips.

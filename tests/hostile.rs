@@ -161,7 +161,7 @@ fn with_section(bytes: &[u8], is_meant: impl Fn(&Section) -> bool) {
 
 /// A pack with every section there is, none of them compressed.
 pub static SMALL_PACK: LazyLock<Container> =
-    LazyLock::new(|| Container::of(include_bytes!("packs/v5_1.kitsuke")).uncompressed());
+    LazyLock::new(|| Container::of(include_bytes!("packs/v5_2.kitsuke")).uncompressed());
 
 /// What a pack may decode to here, so that an input takes little time and memory.
 const DECODED_BYTES: usize = 1 << 20;

@@ -8,25 +8,15 @@ use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Pack, Scratch, evaluate};
 use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::look::texture::Texture;
-use kitsuke_tests::doors::{has, repository, run};
+use kitsuke_tests::doors::{Ended, has, repository, run};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 /// Where `npm install --prefix target/web-test puppeteer-core@24` puts it.
 const MODULES: &str = "target/web-test/node_modules";
-
-/// Ends the server with the test.
-struct Server(Child);
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 #[test]
 fn an_artist_sees_what_she_saves() {
@@ -56,7 +46,7 @@ fn an_artist_sees_what_she_saves() {
         .arg(&catalog)
         .arg("--cache")
         .arg(cache);
-    let mut server = Server(command.stdout(Stdio::piped()).spawn().unwrap());
+    let mut server = Ended(command.stdout(Stdio::piped()).spawn().unwrap());
     let mut address = String::new();
     BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut address).unwrap();
     let address = address.split_whitespace().next().unwrap().to_owned();

@@ -1,7 +1,7 @@
 //! `cargo xtask drape-scene` as it is built: what it writes, how it ends, and that it goes on from where it was interrupted. Passed over, with a
 //! message, where the command is not built.
 
-use kitsuke_tests::doors::repository;
+use kitsuke_tests::doors::{repository, xtask};
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -12,12 +12,7 @@ const SMALL: [&str; 5] = ["cantilever", "--cloth", "obi", "--parts", "4"];
 
 /// The verb with its result in a folder; none where it is not built.
 fn drape_scene(arguments: &[&str], out: &Path) -> Option<Command> {
-    let xtask = repository().join("target/release/xtask");
-    if !xtask.exists() {
-        eprintln!("skipped: first run cargo build --release --package xtask");
-        return None;
-    }
-    let mut command = Command::new(xtask);
+    let mut command = xtask()?;
     command.arg("drape-scene").args(arguments).arg("--out").arg(out).arg("--json").arg(out.join("figures.json"));
     Some(command)
 }
@@ -195,19 +190,14 @@ fn an_interrupted_scene_goes_on_with_the_same_bytes() {
 #[test]
 fn a_form_is_written_with_lines_that_may_be_corrected() {
     let folder = tempfile::tempdir().unwrap();
-    let xtask = repository().join("target/release/xtask");
-    if !xtask.exists() {
-        eprintln!("skipped: first run cargo build --release --package xtask");
-        return;
-    }
     let body = repository().join("assets-src/bodies/b04.glb");
     let form = |more: &[&str]| {
-        let mut command = Command::new(&xtask);
+        let mut command = xtask()?;
         command.arg("form").arg(&body).args(["--sections", "200", "--places", "96"]).args(more);
         command.arg("--out").arg(folder.path()).arg("--json").arg(folder.path().join("figures.json"));
-        command.output().unwrap()
+        Some(command.output().unwrap())
     };
-    let output = form(&[]);
+    let Some(output) = form(&[]) else { return };
     assert!(output.status.success(), "{}", errors(&output));
     let found = figures(folder.path());
     let at = |key: &str| found[key].as_f64().unwrap();
@@ -218,14 +208,14 @@ fn a_form_is_written_with_lines_that_may_be_corrected() {
     let text = fs::read_to_string(&lines).unwrap();
     let lower = text.replacen("waist = \"", "waist = \"0", 1);
     fs::write(&lines, &lower).unwrap();
-    assert!(form(&["--lines", lines.to_str().unwrap()]).status.success(), "what was written is read");
+    assert!(form(&["--lines", lines.to_str().unwrap()]).unwrap().status.success(), "what was written is read");
     for (wrong, wanted) in [
         ("waist = \"3 m\"\n", "the waist line at 3.000 m is not on the form"),
         ("wast = \"1 m\"\n", "wast"),
         ("waist = \"1 m\"\nhip = \"1.1 m\"\n", "must lie above one another"),
     ] {
         fs::write(&lines, wrong).unwrap();
-        let output = form(&["--lines", lines.to_str().unwrap()]);
+        let output = form(&["--lines", lines.to_str().unwrap()]).unwrap();
         assert!(output.status.code() == Some(1) && errors(&output).contains(wanted), "{}", errors(&output));
     }
 }

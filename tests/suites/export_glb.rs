@@ -5,7 +5,7 @@ use kitsuke::skeleton::Pose;
 use kitsuke::{Accessories, Frame, Garment, Pack, Rates, Scratch, evaluate, evaluate_with_rates};
 use kitsuke_pipeline::export::{Clip, ExportError, Exported, Settings, glb};
 use kitsuke_pipeline::source::import;
-use kitsuke_tests::doors::{has, repository};
+use kitsuke_tests::doors::{has, repository, xtask};
 use kitsuke_tests::player::Player;
 use kitsuke_tests::{motions, random, small_accessories, small_garment};
 use serde_json::json;
@@ -114,12 +114,52 @@ fn few_morph_targets_err_as_much_as_is_said() {
     let few = Settings { most_morphs: Some(all.morphs.len() / 2), ..PLAIN };
     let few = glb(&garment, &Accessories::default(), Some(&clip), few).unwrap();
     assert_eq!(few.morphs.len(), all.morphs.len() / 2);
-    assert!(all.condensed_m == (0.0, 0.0) && few.condensed_m.1 >= few.condensed_m.0 && few.condensed_m.1 > 0.0);
+    let (mean_m, most_m) = few.condensed_m.expect("there were more");
+    assert!(all.condensed_m.is_none() && most_m >= mean_m && most_m > 0.0);
     let player = Player::open(&few.glb);
     for (frame, pose) in clip.poses.iter().enumerate() {
         let apart_m = farthest_m(&player.positions_m(0, Some(frame), None), &posed_m(&garment, pose));
-        assert!(apart_m <= few.condensed_m.1 + 2e-5, "{apart_m} {:?}", few.condensed_m);
+        assert!(apart_m <= most_m + 2e-5, "{apart_m} {:?}", few.condensed_m);
     }
+}
+
+/// Two frames as DeepMimic has them: arms raised in the first, and the second so many seconds later.
+fn deep_mimic(seconds: f64) -> String {
+    let turned = |radians: f64| [libm::cos(radians / 2.0), 0.0, 0.0, libm::sin(radians / 2.0)];
+    let frame = |raised: f64| {
+        let mut row = vec![seconds, 0.0, 0.9, 0.0, 1.0, 0.0, 0.0, 0.0];
+        // Chest and neck; right hip, knee, ankle; right shoulder, elbow; the same on the left.
+        let joints = [[1.0, 0.0, 0.0, 0.0]; 2].into_iter().map(|turn| turn.to_vec());
+        row.extend(joints.flatten());
+        for shoulder in [raised; 2] {
+            row.extend([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+            row.extend(turned(shoulder));
+            row.push(0.0);
+        }
+        row
+    };
+    json!({ "Loop": "none", "Frames": [frame(2.5), frame(0.0)] }).to_string()
+}
+
+#[test]
+fn too_many_frames_are_refused_and_joints_held_back_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, out) = (folder.path().join("motion.txt"), folder.path().join("motion.glb"));
+    let export = |seconds: f64, more: &[&str]| {
+        fs::write(&motion, deep_mimic(seconds)).unwrap();
+        let mut command = xtask()?;
+        command.args(["export", "tests/packs/v5_2.kitsuke", "--motion"]).arg(&motion).arg("--glb").arg(&out).args(more);
+        let output = command.output().unwrap();
+        Some((output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned()))
+    };
+    let Some((is_written, said)) = export(0.5, &[]) else { return };
+    assert!(is_written && said.contains("the kimono holds joints back by up to"), "{said}");
+    let (is_written, said) = export(0.5, &["--as-recorded"]).unwrap();
+    assert!(is_written && !said.contains("holds joints back"), "{said}");
+    fs::remove_file(&out).unwrap();
+    let (is_written, said) = export(900.0, &["--fps", "240"]).unwrap();
+    assert!(!is_written && said.contains("no more than 108000 are written"), "{said}");
+    assert!(!out.exists(), "nothing is written");
 }
 
 #[test]

@@ -1,21 +1,16 @@
 //! `cargo xtask hands` as it is built, and its scenes: what they do, and that a recorded session does it again. Passed over, with a message, where the
 //! command or a pack is not built.
 
-use kitsuke_tests::doors::repository;
+use kitsuke_tests::doors::{self, Ended, repository};
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 fn xtask(arguments: &[&str], out: &Path) -> Option<Output> {
-    let xtask = repository().join("target/release/xtask");
-    if !xtask.exists() {
-        eprintln!("skipped: first run cargo build --release --package xtask");
-        return None;
-    }
-    let mut command = Command::new(xtask);
+    let mut command = doors::xtask()?;
     command.args(arguments).arg("--out").arg(out).arg("--json").arg(out.join("figures.json"));
-    Some(command.current_dir(repository()).output().unwrap())
+    Some(command.output().unwrap())
 }
 
 fn said(output: &Output) -> String {
@@ -86,37 +81,25 @@ fn a_kinect_moves_cloth_and_its_session_does_it_again() {
     assert_replays(out.path());
 }
 
-/// Ends it when a test fails before it does.
-struct Ended(Child);
-
-impl Drop for Ended {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 #[test]
 fn a_live_wearer_moves_cloth_and_the_session_does_it_again() {
     let motion = repository().join("assets-src/motions/two_arms.bvh");
-    let xtask = repository().join("target/release/xtask");
-    if !xtask.exists() || !repository().join("catalog/packs").is_dir() {
-        eprintln!("skipped: no command or no pack (cargo xtask build-catalog)");
+    let (Some(mut command), Some(mut replay)) = (doors::xtask(), doors::xtask()) else { return };
+    if !repository().join("catalog/packs").is_dir() {
+        eprintln!("skipped: no pack (cargo xtask build-catalog)");
         return;
     }
     let out = tempfile::tempdir().unwrap();
-    let mut command = Command::new(&xtask);
     command.args(["hands", "--vmc", "127.0.0.1:0", "--seconds", "4", "--move", "--particles", "12", "--filter"]);
     command.arg("one-euro").arg("--out").arg(out.path()).arg("--json").arg(out.path().join("figures.json"));
-    command.current_dir(repository()).stdout(Stdio::piped());
+    command.stdout(Stdio::piped());
     let mut hands = Ended(command.spawn().unwrap());
     let mut said = BufReader::new(hands.0.stdout.take().unwrap());
     let mut line = String::new();
     said.read_line(&mut line).unwrap();
     let address = line.trim().strip_prefix("listens at ").unwrap_or_else(|| panic!("{line}"));
-    let mut command = Command::new(&xtask);
-    command.arg("replay").arg(&motion).args(["--vmc", address, "--times", "3"]).current_dir(repository());
-    let sender = Ended(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+    replay.arg("replay").arg(&motion).args(["--vmc", address, "--times", "3"]);
+    let sender = Ended(replay.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
     let mut rest = String::new();
     said.read_to_string(&mut rest).unwrap();
     assert!(hands.0.wait().unwrap().success(), "{rest}");

@@ -109,7 +109,7 @@ fn motions(args: &Args, garment: &Garment, body: &Body, mask: &[bool]) -> Result
         "max"
     );
     for path in &args.motion {
-        let how = How { root_motion: false, as_recorded: false, filter: None, read_as: args.read_as };
+        let how = How::plain(args.read_as);
         let shots = shots::motion(path, garment, garment.kernel(), how)?;
         let step = shots::step(shots.len(), args.frames as usize);
         let poses: Vec<Pose> = shots.into_iter().step_by(step).map(|shot| shot.pose).collect();

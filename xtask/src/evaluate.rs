@@ -1,7 +1,7 @@
 //! `cargo xtask evaluate`: frames as OBJ or NPY, and how far they lie from the target files.
 
 use crate::places::{Places, ended, write_whole};
-use crate::shots::{self, FilterName, KernelName};
+use crate::shots::{self, KernelName};
 use crate::wearers;
 use clap::ValueEnum;
 use glam::{Vec2, Vec3};
@@ -29,15 +29,6 @@ pub struct Args {
     /// `npy`: float32 [frames, vertices, 3] positions.npy; `obj`: one file per frame. Metres, in the base file's order
     #[arg(long)]
     format: Format,
-    /// Apply the recorded translation of the hips
-    #[arg(long)]
-    root_motion: bool,
-    /// Smooth the recorded motion, as `play --filter` does a live one
-    #[arg(long, requires = "motion")]
-    filter: Option<FilterName>,
-    /// Pose the wearer as recorded, even where the kimono would not let her
-    #[arg(long, requires = "motion")]
-    as_recorded: bool,
     /// Fit the kimono to the Nth body of a table, from 1: CSV, TOML, ANSUR II, FreeSewing JSON or Seamly .smis
     #[arg(long, value_name = "FILE#N")]
     body: Option<String>,
@@ -52,7 +43,7 @@ pub struct Args {
     #[arg(long)]
     kernel: Option<KernelName>,
     #[command(flatten)]
-    read_as: shots::ReadAs,
+    how: shots::How,
     #[command(flatten)]
     places: Places,
 }
@@ -101,15 +92,7 @@ fn evaluate(args: &Args) -> Result<(), String> {
             wanted_m.extend(rows.iter().map(file_m));
             rows.into_iter().map(|row| row.shot).collect()
         }
-        (_, Some(motion)) => {
-            let how = shots::How {
-                root_motion: args.root_motion,
-                as_recorded: args.as_recorded,
-                filter: args.filter,
-                read_as: args.read_as,
-            };
-            shots::motion(motion, garment, kernel, how)?
-        }
+        (_, Some(motion)) => shots::motion(motion, garment, kernel, args.how)?,
         _ => {
             let base = source.iter().map(|source| Some(source.base.positions_m.as_slice()));
             let targets =

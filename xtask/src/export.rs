@@ -1,11 +1,9 @@
 //! `cargo xtask export`: a kimono as GLB, for programs that know glTF and not us.
 
 use crate::places::{Places, ended, say, write_whole};
-use crate::shots::{self, FilterName};
+use crate::shots;
 use crate::wearers;
-use glam::Vec3;
 use kitsuke::Garment;
-use kitsuke::skeleton::Pose;
 use kitsuke_pipeline::export::{Clip, Settings, glb};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -34,15 +32,6 @@ pub struct Args {
     /// At most so many morph targets, those that show most of the motion: 8 for viewers that show no more
     #[arg(long, value_name = "N", requires = "motion", value_parser = clap::value_parser!(u16).range(1..=256))]
     morphs: Option<u16>,
-    /// Apply the recorded translation of the hips
-    #[arg(long, requires = "motion")]
-    root_motion: bool,
-    /// Smooth the recorded motion
-    #[arg(long, requires = "motion")]
-    filter: Option<FilterName>,
-    /// Pose the wearer as recorded, even where the kimono would not let her
-    #[arg(long, requires = "motion")]
-    as_recorded: bool,
     /// Fit the kimono to the Nth body of a table, from 1
     #[arg(long, value_name = "FILE#N")]
     body: Option<String>,
@@ -50,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", requires = "body")]
     rules: Option<String>,
     #[command(flatten)]
-    read_as: shots::ReadAs,
+    how: shots::How,
     #[command(flatten)]
     places: Places,
 }
@@ -92,9 +81,7 @@ fn export(args: &Args) -> Result<(), String> {
         let (step_mm, off_mm) = (1e3 * exported.step_m, 1e3 * exported.step_m * 3f32.sqrt() / 2.0);
         say!("on a grid of {step_mm:.4} mm: every place and delta within {off_mm:.4} mm");
     }
-    if let (mean_m, most_m @ 0.0..) = exported.condensed_m
-        && args.morphs.is_some()
-    {
+    if let Some((mean_m, most_m)) = exported.condensed_m {
         let (mean_mm, most_mm) = (1e3 * mean_m, 1e3 * most_m);
         say!(
             "with these morph targets the cloth lies {mean_mm:.3} mm from the whole blend on average, {most_mm:.2} mm at most"
@@ -103,26 +90,8 @@ fn export(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// A recorded motion at equal steps of time, as the kimono allows it.
 fn clip(args: &Args, path: &Path, garment: &Garment) -> Result<Clip, String> {
-    let mut recording = shots::recording(path, &garment.data().skeleton, args.read_as)?;
-    if let Some(filter) = args.filter {
-        recording = recording.filtered(&filter.filter());
-    }
-    let (first_s, last_s) = match recording.times_s[..] {
-        [first_s, .., last_s] => (first_s, last_s),
-        [only_s] => (only_s, only_s),
-        [] => return Err(format!("{} has no frames", path.display())),
-    };
-    let frames = ((last_s - first_s) * args.fps).floor() as usize + 1;
-    let posed = |frame: usize| {
-        let mut pose: Pose = recording.pose_at(first_s + frame as f64 / args.fps);
-        if !args.root_motion {
-            pose.hips_translation_m = Vec3::ZERO;
-        }
-        if args.as_recorded { pose } else { garment.limited(&pose).pose }
-    };
+    let (times_s, poses) = shots::sampled(path, garment, args.fps, args.how)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let times_s = (0..frames).map(|frame| (frame as f64 / args.fps) as f32).collect();
-    Ok(Clip { name, times_s, poses: (0..frames).map(posed).collect() })
+    Ok(Clip { name, times_s, poses })
 }

@@ -1,7 +1,7 @@
 //! `cargo xtask preview`: contact sheets of kimono on their wearers.
 
 use crate::places::{Places, ended, write_whole};
-use crate::shots::{self, FilterName, KernelName};
+use crate::shots::{self, KernelName};
 use crate::wearers::Wearer;
 use clap::ValueEnum;
 use kitsuke_pipeline::catalog;
@@ -31,12 +31,6 @@ pub struct Args {
     /// How many frames of the motion
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=100), requires = "motion")]
     frames: u16,
-    /// Smooth the recorded motion, as `play --filter` does a live one
-    #[arg(long, requires = "motion")]
-    filter: Option<FilterName>,
-    /// Pose the wearer as recorded, even where the kimono would not let her
-    #[arg(long, requires = "motion")]
-    as_recorded: bool,
     /// Draw only these poses of the kimono's pose table
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "motion")]
     only: Vec<String>,
@@ -64,7 +58,7 @@ pub struct Args {
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=100))]
     columns: u16,
     #[command(flatten)]
-    read_as: shots::ReadAs,
+    how: shots::How,
     #[command(flatten)]
     places: Places,
 }
@@ -118,15 +112,7 @@ fn preview(args: &Args, id_or_path: &str) -> Result<(), String> {
     }
     let kernel = KernelName::of(args.kernel, garment)?;
     let shots = match (&args.motion, &args.poses) {
-        (Some(motion), _) => {
-            let how = shots::How {
-                root_motion: false,
-                as_recorded: args.as_recorded,
-                filter: args.filter,
-                read_as: args.read_as,
-            };
-            evenly(&shots::motion(motion, garment, kernel, how)?, usize::from(args.frames))
-        }
+        (Some(motion), _) => evenly(&shots::motion(motion, garment, kernel, args.how)?, usize::from(args.frames)),
         (None, Some(table)) => {
             let rows = shots::pose_table(table, kernel)?.into_iter();
             chosen(rows.map(|row| row.shot).collect(), &args.only)?

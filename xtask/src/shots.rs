@@ -15,6 +15,8 @@ use std::path::Path;
 
 /// Longest table or recording that is read, bytes.
 const FILE_BYTES: u64 = 256 << 20;
+/// Longest motion that is written, frames: an hour at thirty a second.
+const MOST_FRAMES: usize = 108_000;
 
 /// A row of a pose table.
 pub struct Row {
@@ -36,17 +38,27 @@ pub fn pose_table(path: &Path, kernel: Kernel) -> Result<Vec<Row>, String> {
     Ok(table.rows.iter().zip(table.poses()).enumerate().map(row).collect())
 }
 
-/// What of a recording is taken.
-#[derive(Clone, Copy)]
+/// How a recorded motion is played.
+#[derive(Clone, Copy, clap::Args)]
 pub struct How {
-    /// The hips move as recorded; else they stay in place.
-    pub root_motion: bool,
-    /// Legs move as recorded; else as the kimono lets them.
-    pub as_recorded: bool,
-    /// The motion is smoothed.
-    pub filter: Option<FilterName>,
-    /// What is decided where the file leaves it open.
-    pub read_as: ReadAs,
+    /// Apply the recorded translation of the hips
+    #[arg(long, requires = "motion")]
+    root_motion: bool,
+    /// Smooth the recorded motion, as `play --filter` does a live one
+    #[arg(long, requires = "motion")]
+    filter: Option<FilterName>,
+    /// Pose the wearer as recorded, even where the kimono would not let her
+    #[arg(long, requires = "motion")]
+    as_recorded: bool,
+    #[command(flatten)]
+    read_as: ReadAs,
+}
+
+impl How {
+    /// As the kimono lets her, the hips in place.
+    pub fn plain(read_as: ReadAs) -> How {
+        How { root_motion: false, filter: None, as_recorded: false, read_as }
+    }
 }
 
 /// How a BVH file is read where its own evidence leaves that open.
@@ -69,10 +81,42 @@ impl ReadAs {
 
 /// The frames of a recorded motion on the garment's wearer, blended by this kernel.
 pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Result<Vec<Shot>, String> {
-    let mut recording = recording(path, &garment.data().skeleton, how.read_as)?;
-    if let Some(filter) = how.filter {
-        recording = recording.filtered(&filter.filter());
+    let recording = smoothed(path, garment, how)?;
+    let poses = as_let(path, recording.frames.into_iter().map(|frame| frame.pose), garment, how);
+    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose, blend: Blend::Kernel(kernel) };
+    Ok(poses.into_iter().enumerate().map(shot).collect())
+}
+
+/// A recorded motion at equal steps of time: when, seconds from its beginning, and how the wearer stands then.
+pub fn sampled(path: &Path, garment: &Garment, fps: f64, how: How) -> Result<(Vec<f32>, Vec<Pose>), String> {
+    let recording = smoothed(path, garment, how)?;
+    let (Some(first_s), Some(last_s)) = (recording.times_s.first(), recording.times_s.last()) else {
+        return Err(format!("{} has no frames", path.display()));
+    };
+    let frames = ((last_s - first_s) * fps).floor() as usize + 1;
+    if frames > MOST_FRAMES {
+        return Err(format!(
+            "{} lasts {:.0} s, which is {frames} frames at {fps} a second, and no more than {MOST_FRAMES} are written: ask for fewer with --fps, \
+             or cut the recording",
+            path.display(),
+            last_s - first_s
+        ));
     }
+    let poses = (0..frames).map(|frame| recording.pose_at(first_s + frame as f64 / fps));
+    let times_s = (0..frames).map(|frame| (frame as f64 / fps) as f32).collect();
+    Ok((times_s, as_let(path, poses, garment, how)))
+}
+
+fn smoothed(path: &Path, garment: &Garment, how: How) -> Result<Recording, String> {
+    let recording = recording(path, &garment.data().skeleton, how.read_as)?;
+    Ok(match how.filter {
+        Some(filter) => recording.filtered(&filter.filter()),
+        None => recording,
+    })
+}
+
+/// The poses as the kimono lets the wearer stand, with a note where that is far from how she stood.
+fn as_let(path: &Path, poses: impl Iterator<Item = Pose>, garment: &Garment, how: How) -> Vec<Pose> {
     let mut turned_rad = 0.0f32;
     let mut posed = |mut pose: Pose| {
         if !how.root_motion {
@@ -85,7 +129,7 @@ pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Resul
         turned_rad = turned_rad.max(limited.turned_rad);
         limited.pose
     };
-    let poses: Vec<Pose> = recording.frames.into_iter().map(|frame| posed(frame.pose)).collect();
+    let poses = poses.map(&mut posed).collect();
     if turned_rad.to_degrees() > 5.0 {
         let degrees = turned_rad.to_degrees();
         eprintln!(
@@ -93,8 +137,7 @@ pub fn motion(path: &Path, garment: &Garment, kernel: Kernel, how: How) -> Resul
             path.display()
         );
     }
-    let shot = |(i, pose)| Shot { name: format!("frame_{i:05}"), pose, blend: Blend::Kernel(kernel) };
-    Ok(poses.into_iter().enumerate().map(shot).collect())
+    poses
 }
 
 /// Every how many frames one is taken, so that of these no more than `most` are, evenly spaced.

@@ -48,8 +48,8 @@ pub struct Exported {
     pub glb: Vec<u8>,
     /// The names of its morph targets.
     pub morphs: Vec<String>,
-    /// How far its morph targets lie from all that the kernel blends, mean and largest over frames and vertices, metres: 0 but for few of many.
-    pub condensed_m: (f64, f64),
+    /// How far few of many morph targets lie from all that the kernel blends, mean and largest over frames and vertices, metres.
+    pub condensed_m: Option<(f64, f64)>,
     /// Edge of the grid of quantised numbers, metres; 0 without.
     pub step_m: f32,
 }
@@ -88,15 +88,10 @@ pub fn glb(
             }
             let all = of_poses(garment, &clip.poses);
             let few = settings.most_morphs.filter(|most| *most < all.morphs.len()).map(|most| all.condensed(most));
-            let condensed_m = few.as_ref().map_or((0.0, 0.0), |few| few.apart_m(&all));
+            let condensed_m = few.as_ref().map(|few| few.apart_m(&all));
             (few.unwrap_or(all).within_one(), condensed_m)
         }
-        None => {
-            let morphs = of_samples(data);
-            let rest = vec![0.0; morphs.len()];
-            let offset_m = vec![Vec3::ZERO; garment.unique_count()];
-            (Animated { morphs, weights: Vec::new(), rest, offset_m }, (0.0, 0.0))
-        }
+        None => (of_samples(garment), None),
     };
     if shown.morphs.len() > MOST_MORPHS {
         return Err(ExportError::Morphs(shown.morphs.len()));

@@ -1,6 +1,7 @@
 //! A garment's targets as morph targets: plain sums of weight times delta, as glTF has them. There are no masks there, so what a mask lets
 //! through of a target becomes part of the deltas. Knows no file.
 
+use crate::stages::correctives::shares;
 use crate::stages::matrix::principal;
 use glam::{DVec3, Vec3};
 use kitsuke::Garment;
@@ -38,10 +39,12 @@ pub struct Animated {
 }
 
 /// One morph target for each sample: with weight 1 and its pose the sample's shape. Correctives belong to no pose and are left out.
-pub fn of_samples(data: &GarmentData) -> Vec<Morph> {
+pub fn of_samples(garment: &Garment) -> Animated {
+    let data = garment.data();
     let all: Vec<u8> = (0..data.drivers.len() as u8).collect();
     let samples = &data.targets[..data.sample_count()];
-    named(samples.iter().map(|target| (target.name.clone(), masked(data, target, &all))))
+    let morphs = samples.iter().map(|target| (target.name.clone(), masked(data, target, &all)));
+    Animated::from_base(garment, named(morphs), Vec::new())
 }
 
 /// Morph targets as the drivers blend them in these poses, which may choose otherwise for each arm: one for each target and group of drivers
@@ -69,8 +72,7 @@ pub fn of_poses(garment: &Garment, poses: &[Pose]) -> Animated {
     };
     let weights = rows.iter().map(|row| columns.iter().map(|&column| row[column]).collect()).collect();
     let morphs = named(columns.iter().map(morph));
-    let count = morphs.len();
-    Animated { morphs, weights, rest: vec![0.0; count], offset_m: vec![Vec3::ZERO; garment.unique_count()] }
+    Animated::from_base(garment, morphs, weights)
 }
 
 /// The layer of a group's drivers.
@@ -89,27 +91,14 @@ fn groups(data: &GarmentData) -> Vec<(String, Vec<u8>)> {
     }
 }
 
-/// What the masks of these drivers let through of a target, per unique vertex.
+/// What the masks of these drivers, those of its layer, let through of a target, per unique vertex.
 fn masked(data: &GarmentData, target: &Target, drivers: &[u8]) -> Vec<Vec3> {
+    let own: Vec<u8> =
+        drivers.iter().copied().filter(|&driver| data.drivers[usize::from(driver)].layer == target.layer).collect();
+    let shares = shares(&data.segments, &own);
     let mut deltas_m = vec![Vec3::ZERO; data.mesh.positions_m.len()];
-    let (mut first, mut deltas) = (0, target.deltas.iter());
-    for (number, segment) in data.segments.iter().enumerate() {
-        let count = segment.vertex_count as usize;
-        if target.segments.contains(&(number as u16)) {
-            let own = |driver: &u8| drivers.contains(driver) && layer(data, &[*driver]) == target.layer;
-            let columns: Vec<usize> = (0..segment.drivers.len()).filter(|&c| own(&segment.drivers[c])).collect();
-            for row in 0..count {
-                let share = match segment.masks.get(row * segment.drivers.len()..(row + 1) * segment.drivers.len()) {
-                    Some(masks) if !segment.masks.is_empty() => {
-                        columns.iter().map(|&column| f32::from(masks[column])).sum::<f32>() / 65535.0
-                    }
-                    _ => columns.len() as f32,
-                };
-                let delta = deltas.next().copied().unwrap_or_default();
-                deltas_m[first + row] = Vec3::from_array(delta.map(f32::from)) * (target.step_m * share);
-            }
-        }
-        first += count;
+    for (v, delta) in target.vertices(&data.segments).zip(&target.deltas) {
+        deltas_m[v] = Vec3::from_array(delta.map(f32::from)) * (target.step_m * shares[v]);
     }
     deltas_m
 }
@@ -137,6 +126,11 @@ fn cut(name: &str, bytes: usize) -> &str {
 }
 
 impl Animated {
+    /// Morph targets whose weights, per frame and target, are 0 at the base.
+    fn from_base(garment: &Garment, morphs: Vec<Morph>, weights: Vec<Vec<f32>>) -> Animated {
+        Animated { rest: vec![0.0; morphs.len()], morphs, weights, offset_m: vec![Vec3::ZERO; garment.unique_count()] }
+    }
+
     /// The most movement that so few morph targets can show: those whose weighted sums come nearest to these over all frames and vertices, by
     /// the sum of squares (the principal components of the movement).
     pub fn condensed(&self, most: usize) -> Animated {

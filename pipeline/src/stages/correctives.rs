@@ -188,7 +188,7 @@ fn neighbours(garment: &Garment) -> Neighbours {
 }
 
 /// How much of each vertex some drivers own, 0 to 1.
-pub(super) fn shares(segments: &[Segment], drivers: &[u8]) -> Vec<f32> {
+pub(crate) fn shares(segments: &[Segment], drivers: &[u8]) -> Vec<f32> {
     let mut shares = Vec::new();
     for segment in segments {
         let width = segment.drivers.len();

@@ -18,7 +18,7 @@ pub(in crate::pack) fn read_fit(garment: &Garment, from: &mut Reader<'_>) -> Res
     let bodies = from.count("bodies", limits::SIZES + 1)?;
     // Fields of no sizes would take memory without bytes.
     if bodies < 2 {
-        return Err(ContentProblem::Count { what: "size targets", count: 0, limit: limits::SIZES });
+        return Err(ContentProblem::Number { what: "size target", number: 1 });
     }
     let bodies = (0..bodies).map(|_| read_body(garment, from)).collect::<Result<_, _>>()?;
     let dimensions = from.count("dimensions", limits::DIMENSIONS)?;
