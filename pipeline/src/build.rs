@@ -10,7 +10,7 @@ use crate::stages::{
 };
 use glam::Vec3;
 use kitsuke::Accessories;
-use kitsuke::arrays::{GarmentData, PoseBound, PoseLimit, SkinWeights};
+use kitsuke::arrays::{GarmentData, Loss, PoseBound, PoseLimit, SkinWeights};
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
 use kitsuke::pack::write::write_with;
@@ -39,6 +39,8 @@ pub struct Built {
     pub accessories: Accessories,
     /// What fitting it needs; `None` when it has no sizes.
     pub fit: Option<FitData>,
+    /// How far a mix of sizes lies from what it would be without steps, over random mixes; `None` when it has none.
+    pub mixed: Option<Loss>,
     /// How far each target lies from its file.
     pub quality: Vec<verify::TargetQuality>,
     /// How deep the cloth lies in the body, pose after pose of the audit.
@@ -130,9 +132,10 @@ pub fn build_garment(
         data.rbf = Some(kernel::kernel(&data, drivers, &kernel::Settings::default())?);
         let garment = checked(data)?;
         let lost = compression::compression(&garment, &masks, &deltas, source.budget_m);
-        Ok::<_, StageError>((garment, lost))
+        let surface = lost.surface;
+        Ok(((garment, lost), surface))
     };
-    let (mut garment, lost) = compression::within_budget(source.budget_m, compressed)?;
+    let ((mut garment, lost), _) = compression::within_budget(source.budget_m, compressed)?;
     tell("compress", None, Origin::Computed);
     let mut data = GarmentData { compression: Some(lost), ..garment.data().clone() };
     garment = checked(data.clone())?;
@@ -159,16 +162,22 @@ pub fn build_garment(
 
     // What fitting it to a wearer needs.
     let fit = source.sizes.as_ref().map(|sizes| {
-        let (rests, step_m, settings) =
-            (rests(&garment, &of_body), fit_data::step_m(source), weld::Settings::default());
-        let (steps, origin) = memo.recall(&keys::weld(base, sizes, &rests, step_m, &settings), || {
-            weld::weld(base, &sizes.shapes, &rests, f64::from(step_m), &settings)
+        let (rests, settings) = (rests(&garment, &of_body), weld::Settings::default());
+        let (fields_m, origin) = memo.recall(&keys::weld(base, sizes, &rests, &settings), || {
+            weld::weld(base, &sizes.shapes, &rests, &settings)
         })?;
-        let fit = fit_data::fit_data(source, sizes, &steps, &garment);
+        let in_steps = |radius_m: f32| {
+            let step_m = compress::step_m(radius_m);
+            let steps = weld::in_steps(base, &sizes.shapes, &fields_m, f64::from(step_m))?;
+            let (sizes, vertices) = (sizes.shapes.len(), base.positions_m.len());
+            let lost = compression::sizes(&fields_m, &steps, step_m, sizes, vertices, source.budget_m);
+            Ok(((steps, step_m), lost))
+        };
+        let ((steps, step_m), lost) = compression::within_budget(source.budget_m, in_steps)?;
         tell("weld", None, origin);
-        Ok(fit)
+        Ok((fit_data::fit_data(source, sizes, &steps, step_m, &garment), lost))
     });
-    let fit = fit.transpose()?;
+    let (fit, mixed) = fit.transpose()?.unzip();
     let accessories = accessories::accessories(source, &garment);
     let pack = write_with(&garment, &accessories, fit.as_ref());
     let pack = pack.map_err(|error| StageError::new("write", error.to_string()))?;
@@ -194,7 +203,7 @@ pub fn build_garment(
     let inside: Vec<Depth> = found.iter().map(depth).collect();
     audit::keep_budget(&audit::deepest(&inside), &garment, source)?;
     tell("audit", None, origin);
-    Ok(Built { pack, garment, accessories, fit, quality, inside, remainders, skin, masks, deltas })
+    Ok(Built { pack, garment, accessories, fit, mixed, quality, inside, remainders, skin, masks, deltas })
 }
 
 /// How much of each vertex hangs from the shoulders, 0 to 1: there a kimono rests, whatever its size.
@@ -298,8 +307,8 @@ mod keys {
         })
     }
 
-    pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], step_m: f32, settings: &weld::Settings) -> Key {
-        let key = surface(Key::new("weld").text(&format!("{settings:?}")), base).array(rests).array(&[step_m]);
+    pub fn weld(base: &ir::Surface, sizes: &ir::Sizes, rests: &[f64], settings: &weld::Settings) -> Key {
+        let key = surface(Key::new("weld").text(&format!("{settings:?}")), base).array(rests);
         let counts: Vec<u32> = base.parts.iter().map(|part| part.triangle_count).collect();
         sizes.shapes.iter().fold(key.array(&counts), |key, size| key.array(&size.positions_m))
     }

@@ -14,6 +14,9 @@ use kitsuke_pipeline::{ir, load};
 use std::path::Path;
 use std::sync::LazyLock;
 
+/// About as fine as the build makes it.
+const STEP_M: f32 = 0.05e-3;
+
 /// The sample without its poses, which fitting does not need and which take long to build.
 pub(super) static SAMPLE: LazyLock<(ir::Garment, Garment, FitData)> = LazyLock::new(|| {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets-src/komon");
@@ -26,9 +29,9 @@ pub(super) static SAMPLE: LazyLock<(ir::Garment, Garment, FitData)> = LazyLock::
     let shoulder_m = source.body.skeleton.joints()[2].rest_m.y;
     let rests: Vec<f64> =
         source.base.positions_m.iter().map(|p| f64::from(u8::from(p.y > shoulder_m && p.x.abs() < 0.2))).collect();
-    let step_m = f64::from(fit_data::step_m(&source));
-    let steps = weld::weld(&source.base, &sizes.shapes, &rests, step_m, &weld::Settings::default()).unwrap();
-    let fit = fit_data::fit_data(&source, sizes, &steps, &garment);
+    let fields_m = weld::weld(&source.base, &sizes.shapes, &rests, &weld::Settings::default()).unwrap();
+    let steps = weld::in_steps(&source.base, &sizes.shapes, &fields_m, f64::from(STEP_M)).unwrap();
+    let fit = fit_data::fit_data(&source, sizes, &steps, STEP_M, &garment);
     (source, garment, fit)
 });
 

@@ -29,6 +29,8 @@ pub struct Entry {
     pub max_mm: f64,
     /// Mean error over all targets.
     pub mean_mm: f64,
+    /// How far any mix of sizes lies from what it would be without steps, where there are sizes.
+    pub mixed_max_mm: Option<f64>,
     /// Fastest movement between the samples, mm per degree.
     pub speed_mm_per_deg: f64,
     /// The joint and the two nearest poses of that.
@@ -110,6 +112,7 @@ impl Entry {
             drivers: built.garment.data().drivers.len() as u64,
             max_mm: targets.iter().map(|target| target.max_mm).fold(0.0, f64::max),
             mean_mm: rounded_mm(means_m.sum::<f32>() / targets.len().max(1) as f32),
+            mixed_max_mm: built.mixed.map(|lost| rounded_mm(lost.max_m)),
             speed_mm_per_deg: rounded(certificate.speed_mm_per_deg),
             fastest: [certificate.fastest_joint.name().to_owned(), first, second],
             step_mm: rounded(certificate.step_mm),
@@ -132,6 +135,9 @@ impl Entry {
             "blake3 = \"{blake3}\"\nbytes = {bytes}\ntarget_bytes = {target_bytes}\nvertices = {vertices}\n\
              triangles = {triangles}\ndrivers = {drivers}\nmax_mm = {max_mm:.3}\nmean_mm = {mean_mm:.3}\n"
         );
+        if let Some(mixed_max_mm) = self.mixed_max_mm {
+            let _ = writeln!(text, "mixed_max_mm = {mixed_max_mm:.3}");
+        }
         let _ = write!(
             text,
             "speed_mm_per_deg = {speed_mm_per_deg:.3}\nfastest = {}\nstep_mm = {step_mm:.3}\n\
@@ -179,6 +185,7 @@ impl Entry {
             drivers: whole("drivers")?,
             max_mm: table.get("max_mm")?.as_float()?,
             mean_mm: table.get("mean_mm")?.as_float()?,
+            mixed_max_mm: table.get("mixed_max_mm").and_then(toml::Value::as_float),
             speed_mm_per_deg: table.get("speed_mm_per_deg")?.as_float()?,
             fastest: array(table, "fastest", owned_str)?,
             step_mm: table.get("step_mm")?.as_float()?,
@@ -220,9 +227,10 @@ fn rounded_mm(length_m: f32) -> f64 {
 pub fn to_text(index: &Index) -> String {
     let head = "# Written by `cargo xtask build-catalog`. max and mean: distance of each target from its file, blended\n\
                 # alone; blended_max: in its pose with the garment's own kernel; paper_max and paper_mean: with the paper's;\n\
-                # left_out: mean, p99 and max distance from what the other targets predict. speed, steps (of 0.01\n\
-                # degrees) and nearest poses: the certificate of the blending. inside: how many poses the audit took, how many\n\
-                # have cloth deeper than 2 mm and than 5 mm in the body, and how deep the deepest lies.\n";
+                # left_out: mean, p99 and max distance from what the other targets predict; mixed_max: what steps lose of\n\
+                # random mixes of sizes. speed, steps (of 0.01 degrees) and nearest poses: the certificate of the blending.\n\
+                # inside: how many poses the audit took, how many have cloth deeper than 2 mm and than 5 mm in the body, and\n\
+                # how deep the deepest lies.\n";
     let entries = index.iter().map(|(id, entry)| format!("\n[{id}]\n{}", entry.to_text()));
     head.to_owned() + &entries.collect::<String>()
 }
@@ -303,6 +311,7 @@ mod tests {
             drivers: 2,
             max_mm: 0.05,
             mean_mm: 0.021,
+            mixed_max_mm: Some(0.187),
             speed_mm_per_deg: 12.5,
             fastest: ["leftLowerArm", "base", "a_pose"].map(str::to_owned),
             step_mm: 0.125,

@@ -173,9 +173,16 @@ fn certificate(built: &Built, entry: &Entry) -> String {
             "at most {max_mm:.3} mm over {poses} poses, 99 % within {p99_mm:.3} mm; the budget is {budget_mm:.3} mm"
         )
     });
+    let mixed = built.mixed.as_ref().map_or_else(
+        || "no sizes".to_owned(),
+        |Loss { max_m, p99_m, .. }| {
+            format!("at most {:.3} mm over random mixes, 99 % within {:.3} mm", 1e3 * max_m, 1e3 * p99_m)
+        },
+    );
     let rows = [
         ("error of the pack", format!("at most {:.3} mm, {:.3} mm on average", entry.max_mm, entry.mean_mm)),
         ("lost between the samples", lost),
+        ("lost of mixed sizes", mixed),
         ("fastest", format!("{speed_mm_per_deg:.1} mm per degree of {}, near {from} and {to}", fastest_joint.name())),
         ("steps", format!("{step_mm:.4} mm per 0.01 degrees, changing by {step_change_mm:.4} mm at most")),
         ("hardest to tell apart", format!("{near} and {by}, {:.1} degrees", entry.nearest_deg)),

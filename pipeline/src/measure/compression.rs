@@ -2,6 +2,7 @@
 //! rates are the pack's own on both sides. Knows only what an app knows, and the deltas as they were.
 
 use crate::measure::pose_space;
+use crate::measure::weld_quality::random_weights;
 use crate::stages::StageError;
 use glam::{Affine3A, Vec3};
 use kitsuke::arrays::{Compression, GarmentData, Loss, Target};
@@ -12,6 +13,8 @@ use rayon::prelude::*;
 pub const POSES: usize = 500;
 /// Where they begin among those of the pose space: not at the audit's, nor at the correctives'.
 const FIRST: u64 = 1 << 21;
+/// Mixes of sizes at which a fit is compared.
+const MIXES: u64 = 99;
 /// Single precision, metres: a budget is not broken by less.
 const NOISE_M: f32 = 1e-6;
 /// How often finer numbers are tried, and by how much finer than the budget would ask.
@@ -63,28 +66,51 @@ pub fn compression(garment: &Garment, masks: &[u16], deltas_m: &[Vec<Vec3>], bud
     Compression { budget_m, targets, poses: POSES as u32, surface }
 }
 
-/// The coarsest numbers whose posed surface keeps the budget: how fine targets must be for that follows from how the kernel adds them up, which
-/// is measured. `compressed` makes a garment whose targets are as fine as this, metres, and says what that loses.
+/// What the steps of the fields of sizes lose of any wearer's shape: over random mixes of sizes, part by part. `fields_m` and `steps` are per part,
+/// per size of `sizes`, one per base vertex.
+pub fn sizes(
+    fields_m: &[[f32; 3]],
+    steps: &[[i16; 3]],
+    step_m: f32,
+    sizes: usize,
+    vertices: usize,
+    budget_m: f32,
+) -> Loss {
+    let lost = |(field_m, steps): (&[f32; 3], &[i16; 3])| {
+        Vec3::from_array(steps.map(f32::from)) * step_m - Vec3::from_array(*field_m)
+    };
+    let errors_m: Vec<Vec3> = fields_m.par_iter().zip(steps).map(lost).collect();
+    let fields = errors_m.len() / vertices.max(1);
+    let of_mix = |mix: u64| -> Vec<f32> {
+        let mut sum_m = vec![Vec3::ZERO; vertices];
+        let weights = random_weights(mix, fields / sizes.max(1), sizes);
+        for (errors_m, weight) in errors_m.chunks_exact(vertices).zip(weights).filter(|(_, weight)| *weight != 0.0) {
+            sum_m.iter_mut().zip(errors_m).for_each(|(sum_m, error_m)| *sum_m += *error_m * weight);
+        }
+        sum_m.into_iter().map(Vec3::length).collect()
+    };
+    loss((0..MIXES).into_par_iter().flat_map_iter(of_mix).collect(), budget_m)
+}
+
+/// The coarsest numbers that keep the budget: how fine they must be for that follows from how errors add up, which is measured. `compressed` makes
+/// something whose numbers are as fine as this, metres, and says what that loses.
 ///
 /// # Errors
 /// Those of `compressed`, and when nothing keeps the budget.
 pub fn within_budget<T>(
     budget_m: f32,
-    compressed: impl Fn(f32) -> Result<(T, Compression), StageError>,
-) -> Result<(T, Compression), StageError> {
+    compressed: impl Fn(f32) -> Result<(T, Loss), StageError>,
+) -> Result<(T, Loss), StageError> {
     let mut radius_m = budget_m;
     for _ in 0..TRIES {
         let (made, lost) = compressed(radius_m)?;
-        if lost.surface.max_m <= budget_m + NOISE_M {
+        if lost.max_m <= budget_m + NOISE_M {
             return Ok((made, lost));
         }
-        radius_m *= FINER * budget_m / lost.surface.max_m;
+        radius_m *= FINER * budget_m / lost.max_m;
     }
     let budget_mm = 1e3 * budget_m;
-    Err(StageError::new(
-        "compress",
-        format!("the posed surface does not keep a budget of {budget_mm:.3} mm: give a larger one"),
-    ))
+    Err(StageError::new("compress", format!("no numbers keep a budget of {budget_mm:.3} mm: give a larger one")))
 }
 
 /// Measures a finished garment again.
@@ -125,4 +151,43 @@ fn loss(mut errors_m: Vec<f32>, budget_m: f32) -> Loss {
     let (_, p99_m, above) = errors_m.select_nth_unstable_by(p99, f32::total_cmp);
     let p99_m = *p99_m;
     Loss { max_m: above.iter().fold(p99_m, |most_m, error_m| most_m.max(*error_m)), p99_m, above_half }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two parts, three sizes, five vertices.
+    fn steps_of(step_m: f32) -> Vec<[i16; 3]> {
+        (0..2 * 3 * 5).map(|at| field_m(at).map(|x_m| (x_m / step_m).round() as i16)).collect()
+    }
+
+    fn field_m(at: usize) -> [f32; 3] {
+        [at as f32 * 1.37e-3, (at % 7) as f32 * -0.71e-3, 0.1]
+    }
+
+    #[test]
+    fn steps_of_sizes_are_as_coarse_as_any_mix_lets_them_be() {
+        let fields_m: Vec<[f32; 3]> = (0..2 * 3 * 5).map(field_m).collect();
+        let budget_m = 0.2e-3;
+        let made = |radius_m: f32| {
+            let lost = sizes(&fields_m, &steps_of(radius_m), radius_m, 3, 5, budget_m);
+            Ok((radius_m, lost))
+        };
+        let (step_m, lost) = within_budget(budget_m, made).unwrap();
+        assert!(lost.max_m <= budget_m + NOISE_M && step_m > 0.2 * budget_m, "{step_m} {lost:?}");
+        // Whole sizes, part by part, and their halves are mixes, too.
+        let error_m = |part: usize, size: usize, v: usize| {
+            let at = (part * 3 + size) * 5 + v;
+            Vec3::from_array(steps_of(step_m)[at].map(f32::from)) * step_m - Vec3::from_array(fields_m[at])
+        };
+        for (one, other) in (0..3).flat_map(|one| (0..3).map(move |other| (one, other))) {
+            for v in 0..5 {
+                let both = (error_m(0, one, v) + error_m(1, other, v)).length();
+                assert!(both <= budget_m * 1.001, "{both} in sizes {one} and {other}");
+            }
+        }
+        let wrong = sizes(&fields_m, &vec![[0; 3]; fields_m.len()], step_m, 3, 5, budget_m);
+        assert!(wrong.max_m > 0.1 && wrong.above_half > 0.9, "{wrong:?}");
+    }
 }

@@ -25,7 +25,7 @@ pub fn compress(
     deltas: &[Vec<Vec3>],
     radius_m: f32,
 ) -> Result<GarmentData, StageError> {
-    let step_m = 2.0 * radius_m / 3f32.sqrt();
+    let step_m = step_m(radius_m);
     let steps: Vec<Vec<[i16; 3]>> = garment
         .targets
         .iter()
@@ -72,6 +72,12 @@ pub fn compress(
         certificate: None,
         compression: None,
     })
+}
+
+/// Edge of the largest cubic grid of which every ball of this radius holds a point, metres.
+#[must_use]
+pub fn step_m(radius_m: f32) -> f32 {
+    2.0 * radius_m / 3f32.sqrt()
 }
 
 /// The base's row, then the targets'.

@@ -6,18 +6,16 @@ use kitsuke::arrays::Mesh;
 use kitsuke::fit::{Dimension, Field, FitData};
 use kitsuke::garment::Garment;
 
-/// Steps per budget: the rounding errors of all parts add up, and together they shall stay within the budget.
-const STEPS_PER_BUDGET: f32 = 4.0;
-
-/// The step of the displacement fields, metres.
+/// Puts together what the garment's fit needs; `steps` of `step_m` are the fields of [`weld`](crate::stages::weld) per part, size and base
+/// vertex.
 #[must_use]
-pub fn step_m(source: &ir::Garment) -> f32 {
-    source.budget_m / STEPS_PER_BUDGET
-}
-
-/// Puts together what the garment's fit needs; `steps` are the fields of [`weld`](crate::stages::weld::weld) per part, size and base vertex.
-#[must_use]
-pub fn fit_data(source: &ir::Garment, sizes: &ir::Sizes, steps: &[[i16; 3]], garment: &Garment) -> FitData {
+pub fn fit_data(
+    source: &ir::Garment,
+    sizes: &ir::Sizes,
+    steps: &[[i16; 3]],
+    step_m: f32,
+    garment: &Garment,
+) -> FitData {
     let mesh = &garment.data().mesh;
     let packed_from_source = packed_from_source(mesh);
     let dimension = |path: &ir::MeasuredPath| {
@@ -30,10 +28,8 @@ pub fn fit_data(source: &ir::Garment, sizes: &ir::Sizes, steps: &[[i16; 3]], gar
             load: path.load,
         })
     };
-    let field = |steps: &[[i16; 3]]| Field {
-        step_m: step_m(source),
-        deltas: mesh.source_vertex.iter().map(|&v| steps[v as usize]).collect(),
-    };
+    let field =
+        |steps: &[[i16; 3]]| Field { step_m, deltas: mesh.source_vertex.iter().map(|&v| steps[v as usize]).collect() };
     FitData {
         bodies: sizes.bodies.clone(),
         dimensions: source.paths.iter().filter_map(dimension).collect(),

@@ -28,57 +28,75 @@ impl Default for Settings {
 /// A sine of a corner below which its triangle has no usable cotangents, and joins nothing.
 const LEAST_SINE: f64 = 1e-9;
 
-/// The fields in steps of `step_m`: per part of the base, per size, one per vertex. Over all parts of a size they sum exactly to its
-/// rounded displacement.
+/// The fields: per part of the base, per size, one vector per vertex, metres. Over all parts of a size they sum to its displacement.
 ///
 /// Gradients leave a field's place open. It is settled where the kimono rests: there, weighted by `rests` (per vertex), the mean of a
 /// field is the mean of the size's displacement times the part's share.
 ///
 /// # Errors
-/// When a size lies too far from the base for the step, naming size and vertex.
+/// When the base's equations cannot be solved.
 pub fn weld(
     base: &Surface,
     sizes: &[SizeShape],
     rests: &[f64],
-    step_m: f64,
     settings: &Settings,
-) -> Result<Vec<[i16; 3]>, StageError> {
+) -> Result<Vec<[f32; 3]>, StageError> {
     let stiffness = Stiffness::new(base);
     let shares = shares(base, &stiffness, settings.ramp_edges)?;
-    let vertex_count = base.positions_m.len();
     let factor = stiffness.factor(0.0)?;
     let anchors = anchors(&stiffness, rests);
     let displacements: Vec<Vec<DVec3>> = sizes
         .iter()
         .map(|size| size.positions_m.iter().zip(&base.positions_m).map(|(s, b)| s.as_dvec3() - b.as_dvec3()).collect())
         .collect();
-    let fields: Vec<Vec<DVec3>> = (0..shares.len() * sizes.len())
+    let fields: Vec<Vec<[f32; 3]>> = (0..shares.len() * sizes.len())
         .into_par_iter()
-        .map(|at| field(&stiffness, &factor, &anchors, &shares[at / sizes.len()], &displacements[at % sizes.len()]))
+        .map(|at| {
+            let (share, displacement) = (&shares[at / sizes.len()], &displacements[at % sizes.len()]);
+            let field = field(&stiffness, &factor, &anchors, share, displacement);
+            field.into_iter().map(|moved_m| moved_m.as_vec3().to_array()).collect()
+        })
         .collect();
+    Ok(fields.concat())
+}
 
-    let owner: Vec<usize> = (0..vertex_count)
-        .map(|v| (0..shares.len()).fold(0, |o, p| if shares[p][v] > shares[o][v] { p } else { o }))
-        .collect();
-    let mut steps = vec![[0; 3]; fields.len() * vertex_count];
-    for (s, displacement) in displacements.iter().enumerate() {
+/// The fields in steps of `step_m`. Over all parts of a size they still sum exactly to its rounded displacement: what rounding leaves over
+/// goes to the first part of which a vertex is a corner.
+///
+/// # Errors
+/// When a size lies too far from the base for the step, naming size and vertex.
+pub fn in_steps(
+    base: &Surface,
+    sizes: &[SizeShape],
+    fields_m: &[[f32; 3]],
+    step_m: f64,
+) -> Result<Vec<[i16; 3]>, StageError> {
+    let vertex_count = base.positions_m.len();
+    let mut owner = vec![None; vertex_count];
+    let parts = base.parts.iter().enumerate();
+    let parts = parts.flat_map(|(part, p)| std::iter::repeat_n(part, p.triangle_count as usize));
+    for (corners, part) in base.triangles.iter().zip(parts) {
+        corners.iter().for_each(|&v| _ = owner[v as usize].get_or_insert(part));
+    }
+    let rounded = |metres: DVec3| (metres / step_m).round();
+    let mut steps = vec![[0; 3]; fields_m.len()];
+    for (s, size) in sizes.iter().enumerate() {
         for v in 0..vertex_count {
-            let rounded = |metres: DVec3| (metres / step_m).round();
             let at = |part: usize| (part * sizes.len() + s) * vertex_count + v;
-            let mut rest = rounded(displacement[v]);
-            for part in (0..shares.len()).filter(|part| *part != owner[v]) {
-                let step = rounded(fields[part * sizes.len() + s][v]);
+            let mut rest = rounded(size.positions_m[v].as_dvec3() - base.positions_m[v].as_dvec3());
+            let owner = owner[v].unwrap_or(0);
+            for part in (0..base.parts.len()).filter(|part| *part != owner) {
+                let step = rounded(DVec3::from_array(fields_m[at(part)].map(f64::from)));
                 rest -= step;
-                steps[at(part)] = in_steps(step, &sizes[s], v, step_m)?;
+                steps[at(part)] = whole(step, size, v, step_m)?;
             }
-            // What rounding left over goes to the part itself, so that the sum stays exact.
-            steps[at(owner[v])] = in_steps(rest, &sizes[s], v, step_m)?;
+            steps[at(owner)] = whole(rest, size, v, step_m)?;
         }
     }
     Ok(steps)
 }
 
-fn in_steps(steps: DVec3, size: &SizeShape, vertex: usize, step_m: f64) -> Result<[i16; 3], StageError> {
+fn whole(steps: DVec3, size: &SizeShape, vertex: usize, step_m: f64) -> Result<[i16; 3], StageError> {
     if steps.abs().max_element() <= f64::from(i16::MAX) {
         return Ok(steps.to_array().map(|step| step as i16));
     }
