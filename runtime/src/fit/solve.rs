@@ -218,6 +218,11 @@ impl Problem {
         (0..memory.cuts.len()).for_each(|cut| self.prepare(cut, start, memory));
         for _ in 0..ROUNDS {
             memory.solve_dual(unknowns);
+            if memory.cuts.len() == CUTS {
+                // Those that do not matter at this minimum make room; the minimum rises with every cut that is passed, so none comes back for ever.
+                memory.keep_active_cuts();
+                (0..memory.cuts.len()).for_each(|cut| self.prepare(cut, start, memory));
+            }
             let mut weights = std::mem::take(&mut memory.weights);
             self.weights_at(start, &memory.next, &mut weights);
             let before = memory.cuts.len();
