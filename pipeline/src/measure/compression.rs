@@ -37,20 +37,21 @@ pub fn compression(garment: &Garment, masks: &[u16], deltas_m: &[Vec<Vec3>], bud
     };
     let targets = data.targets.par_iter().zip(&errors_m).map(of_target).collect();
     let poses = pose_space::poses(garment, FIRST, POSES);
+    let owned: Vec<Owned> =
+        (0..data.drivers.len()).map(|d| Owned::new(masks, d, data.drivers.len(), &errors_m)).collect();
     let of_pose = |pose: &kitsuke::skeleton::Pose| -> Vec<f32> {
         let mut rates = Rates::new(data);
         garment.blend_rates(garment.kernel(), pose, &mut rates);
         let mut posed_from_rest = vec![Affine3A::IDENTITY; data.skeleton.frame_count()];
         data.skeleton.posed_from_rest(&pose.with_arms_untwisted(), &mut posed_from_rest);
         let mut error_m = vec![Vec3::ZERO; garment.unique_count()];
-        for driver in 0..data.drivers.len() {
-            let of_driver = masks.iter().skip(driver).step_by(data.drivers.len());
-            let mut moved_m = vec![Vec3::ZERO; garment.unique_count()];
-            for (errors_m, &rate) in errors_m.iter().zip(rates.driver(driver)).filter(|(_, rate)| **rate != 0.0) {
+        for (driver, owned) in owned.iter().enumerate() {
+            let mut moved_m = vec![Vec3::ZERO; owned.vertices.len()];
+            for (errors_m, &rate) in owned.errors_m.iter().zip(rates.driver(driver)).filter(|(_, rate)| **rate != 0.0) {
                 moved_m.iter_mut().zip(errors_m).for_each(|(moved_m, error_m)| *moved_m += *error_m * rate);
             }
-            for ((error_m, moved_m), &mask) in error_m.iter_mut().zip(moved_m).zip(of_driver) {
-                *error_m += moved_m * (f32::from(mask) / 65535.0);
+            for (&(vertex, share), moved_m) in owned.vertices.iter().zip(moved_m) {
+                error_m[vertex] += moved_m * share;
             }
         }
         let posed = |(skin, &source): (&kitsuke::arrays::SkinWeights, &u32)| {
@@ -64,6 +65,24 @@ pub fn compression(garment: &Garment, masks: &[u16], deltas_m: &[Vec<Vec3>], bud
     };
     let surface = loss(poses.par_iter().flat_map_iter(of_pose).collect(), budget_m);
     Compression { budget_m, targets, poses: POSES as u32, surface }
+}
+
+/// The base vertices of a driver's region.
+struct Owned {
+    /// Vertex, and how much of it the driver owns.
+    vertices: Vec<(usize, f32)>,
+    /// Per target what it has lost there, metres.
+    errors_m: Vec<Vec<Vec3>>,
+}
+
+impl Owned {
+    fn new(masks: &[u16], driver: usize, drivers: usize, errors_m: &[Vec<Vec3>]) -> Owned {
+        let of_driver = masks.iter().skip(driver).step_by(drivers).enumerate().filter(|(_, mask)| **mask > 0);
+        let vertices: Vec<(usize, f32)> = of_driver.map(|(v, &mask)| (v, f32::from(mask) / 65535.0)).collect();
+        let of_target = |errors_m: &Vec<Vec3>| vertices.iter().map(|&(vertex, _)| errors_m[vertex]).collect();
+        let errors_m = errors_m.iter().map(of_target).collect();
+        Owned { vertices, errors_m }
+    }
 }
 
 /// What the steps of the fields of sizes lose of any wearer's shape: over random mixes of sizes, part by part. `fields_m` and `steps` are per part,

@@ -26,6 +26,9 @@ const RADIUS: f32 = 0.9;
 /// Cloth this much farther from the body than it should be is not drawn into it by its neighbours, metres.
 const NEAR_M: f32 = 0.02;
 
+/// Cloth that its neighbours would move by less stays, metres: a hundredth of what shapes are stored to.
+const LEAST_M: f32 = 2e-6;
+
 /// How cloth is pushed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -249,14 +252,21 @@ impl Push<'_> {
         let count = blended_m.len();
         let mut moves_m = vec![Vec3::ZERO; count];
         let mut is_held: Vec<bool> = self.owned.iter().map(|&owned| owned < 0.5).collect();
-        // Cloth that is far from the body stays far: later rounds only look at what is near or moves.
+        // Cloth that is far from the body stays far: later rounds only look at what is near.
         let mut near: Vec<usize> = (0..count).filter(|&v| !is_held[v]).collect();
+        // How far each vertex lay when it was last looked at, and how far it had been moved: it is nearer by what it moved since at most.
+        let mut seen = vec![(0.0, Vec3::ZERO); count];
         for _ in 0..settings.rounds {
             let mut pushed = false;
             near.retain(|&v| {
                 let wanted_m = self.clearances_m[v];
+                let (lay_m, moved_m) = seen[v];
+                if lay_m - moves_m[v].distance(moved_m) > wanted_m {
+                    return true;
+                }
                 let place = body.place(blended_m[v] + moves_m[v], wanted_m + NEAR_M, settings.deepest_m);
                 let Some((distance_m, outward)) = place else { return false };
+                seen[v] = (distance_m, moves_m[v]);
                 if distance_m < wanted_m {
                     moves_m[v] += (wanted_m - distance_m) * outward;
                     is_held[v] = true;
@@ -272,15 +282,28 @@ impl Push<'_> {
         self.unposed(pose, &moves_m)
     }
 
-    /// Lets the vertices that are not held follow their neighbours.
+    /// Lets the vertices that are not held follow their neighbours. What is around those that move is looked at, and no other.
     fn smooth(&self, moves_m: &mut [Vec3], is_held: &[bool]) {
+        let mut may_move = vec![false; moves_m.len()];
+        for v in (0..moves_m.len()).filter(|&v| moves_m[v] != Vec3::ZERO) {
+            self.neighbours.of(v).iter().for_each(|&n| may_move[n as usize] = true);
+        }
         for _ in 0..self.settings.sweeps {
-            for v in (0..moves_m.len()).filter(|&v| !is_held[v]) {
-                let near = self.neighbours.of(v);
-                if !near.is_empty() {
-                    let sum: Vec3 = near.iter().map(|&n| moves_m[n as usize]).sum();
-                    moves_m[v] = sum * ((1.0 - self.settings.fading) / near.len() as f32);
+            for v in 0..moves_m.len() {
+                if !may_move[v] || is_held[v] {
+                    continue;
                 }
+                let near = self.neighbours.of(v);
+                let sum: Vec3 = near.iter().map(|&n| moves_m[n as usize]).sum();
+                let move_m = sum * ((1.0 - self.settings.fading) / near.len() as f32);
+                if move_m.length_squared() < LEAST_M * LEAST_M {
+                    moves_m[v] = Vec3::ZERO;
+                    continue;
+                }
+                if moves_m[v] == Vec3::ZERO {
+                    near.iter().for_each(|&n| may_move[n as usize] = true);
+                }
+                moves_m[v] = move_m;
             }
         }
     }

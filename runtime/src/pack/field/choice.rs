@@ -7,7 +7,7 @@
 //! again, in several sweeps over the cloth, each as its own difference and all those that hang on it would have it
 //! (iterated conditional modes, Besag 1986).
 
-use super::encode::{references, rows};
+use super::encode::{Layout, cost};
 use super::*;
 use crate::arrays::{Mesh, Segment};
 
@@ -15,6 +15,8 @@ use crate::arrays::{Mesh, Segment};
 const ROUNDS: usize = 2;
 /// Sweeps after each: the third changes one point in a hundred.
 const SWEEPS: usize = 3;
+/// Whole numbers of a coordinate within a ball, at most.
+const WIDEST: usize = 7;
 
 /// A field that is to be stored, as long as the segments that it moves.
 #[derive(Clone, Debug)]
@@ -26,12 +28,13 @@ pub struct Wanted {
 }
 
 /// Whole steps within `radius` steps of what is wanted, such that the fields take few bytes. Every ball must hold a whole
-/// point: the radius is √3/2 or more.
+/// point: the radius is √3/2 or more, and 3 at most.
 ///
 /// # Panics
-/// When the mesh, the segments and the fields do not fit each other, or steps lie outside 16 bits.
+/// When the mesh, the segments and the fields do not fit each other, steps lie outside 16 bits, or the radius is another.
 #[must_use]
 pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f32) -> Vec<Vec<[i16; 3]>> {
+    assert!((0.866..=3.0).contains(&radius), "a radius of {radius} steps");
     let lower = Lower::new(mesh.positions_m.len(), &mesh.twin_of, &mesh.triangles);
     let moves = |segment: usize, field: u16| wanted[usize::from(field)].segments.contains(&(segment as u16));
     let moved = |(number, segment): (usize, &Segment)| {
@@ -41,26 +44,23 @@ pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f3
     let centers: Vec<Vec<[f32; 3]>> =
         wanted.iter().map(|wanted| wanted.steps.iter().map(|steps| steps.to_array()).collect()).collect();
     let centers: Vec<&[[f32; 3]]> = centers.iter().map(Vec::as_slice).collect();
-    let centers = rows(&centers, &segments);
-    let stencils: Vec<Stencil> =
-        (0..mesh.positions_m.len()).map(|v| Stencil::new(v as u32, &lower, &mesh.positions_m)).collect();
+    let layout = Layout::new(&segments, wanted.len(), &lower, &mesh.positions_m);
+    let centers = layout.rows(&centers);
 
     let mut chosen: Vec<[f32; 4]> = centers.iter().map(|values| values.map(f32::round)).collect();
     for round in 0..ROUNDS {
-        let references = references(&chosen, wanted.len(), &segments, &lower, &mesh.positions_m);
-        let mut choice = Choice::new(&centers, chosen, radius, &stencils, quads(wanted.len()));
-        choice.hang(&segments, &references, wanted.len());
+        let mut choice = Choice::new(&layout, &centers, chosen, radius);
         if round == 0 {
-            choice.sweep(&segments, false);
+            choice.sweep(false);
         }
         for _ in 0..SWEEPS {
-            choice.sweep(&segments, true);
+            choice.sweep(true);
         }
         chosen = choice.chosen;
     }
     let mut steps = vec![Vec::new(); wanted.len()];
     for patch in patches(&segments) {
-        append(&patch, &chosen, quads(wanted.len()), &mut steps);
+        append(&patch, &chosen, layout.quads(), &mut steps);
     }
     steps
 }
@@ -68,6 +68,7 @@ pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f3
 /// The points chosen so far, and what hangs on them. All arrays of numbers hold the vectors of all fields side by side,
 /// vertex after vertex.
 struct Choice<'a> {
+    layout: &'a Layout<'a>,
     centers: &'a [[f32; 4]],
     radius: f32,
     chosen: Vec<[f32; 4]>,
@@ -77,66 +78,79 @@ struct Choice<'a> {
     width: usize,
     /// Per vertex those that are predicted from it, with its weight there.
     dependents: Vec<Vec<(usize, f32)>>,
-    /// Per vertex its patch.
+    /// Per vertex its patch; beyond all where nothing moves.
     patch_of: Vec<usize>,
     /// Per patch and field how it is predicted there; none where it does not move.
     hanging: Vec<Vec<Option<Hanging>>>,
-    /// Differences that change with the point in question, and how much by.
-    affected: Vec<(Vec3, f32)>,
+    affected: Affected,
 }
 
 /// How a field is predicted across fields in a patch.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 struct Hanging {
     reference: Option<Reference>,
     /// The fields that name it, with the share of it that they add.
     followers: Vec<(usize, f32)>,
 }
 
+/// Differences that change with a point.
+#[derive(Default)]
+struct Affected {
+    /// As they are, coordinate by coordinate.
+    differences: [Vec<f32>; 3],
+    /// How much of the point's change each of them takes.
+    shares: Vec<f32>,
+}
+
+impl Affected {
+    fn clear(&mut self) {
+        self.differences.iter_mut().for_each(Vec::clear);
+        self.shares.clear();
+    }
+
+    fn add(&mut self, difference: Vec3, share: f32) {
+        self.differences.iter_mut().zip(difference.to_array()).for_each(|(all, one)| all.push(one));
+        self.shares.push(share);
+    }
+
+    /// What all of them take when a coordinate of the point changes.
+    fn cost(&self, axis: usize, change: f32) -> u32 {
+        let both = self.differences[axis].iter().zip(&self.shares);
+        both.map(|(difference, share)| cost(difference + change * share)).fold(0, u32::wrapping_add)
+    }
+}
+
 impl<'a> Choice<'a> {
-    fn new(
-        centers: &'a [[f32; 4]],
-        chosen: Vec<[f32; 4]>,
-        radius: f32,
-        stencils: &[Stencil],
-        quads: usize,
-    ) -> Choice<'a> {
-        let mut dependents = vec![Vec::new(); stencils.len()];
-        let mut left = chosen.clone();
-        for (vertex, stencil) in stencils.iter().enumerate() {
-            let along = &mut left[vertex * quads..][..quads];
-            stencil.predict(&chosen, quads, along);
-            let values = chosen[vertex * quads..].as_flattened();
-            along.as_flattened_mut().iter_mut().zip(values).for_each(|(left, value)| *left = value - *left);
+    fn new(layout: &'a Layout<'a>, centers: &'a [[f32; 4]], chosen: Vec<[f32; 4]>, radius: f32) -> Choice<'a> {
+        let left = layout.left(&chosen);
+        let mut dependents = vec![Vec::new(); layout.stencils.len()];
+        for (vertex, stencil) in layout.stencils.iter().enumerate() {
             for (&before, &weight) in stencil.vertices.iter().zip(&stencil.weights).take(stencil.count) {
                 dependents[before as usize].push((vertex, weight));
             }
         }
-        let (patch_of, hanging) = (vec![0; stencils.len()], Vec::new());
-        Choice { centers, radius, chosen, left, width: 4 * quads, dependents, patch_of, hanging, affected: Vec::new() }
-    }
-
-    /// Notes how fields are predicted from each other.
-    fn hang(&mut self, segments: &[(usize, Vec<u16>)], references: &[Vec<u32>], field_count: usize) {
-        for (patch, references) in patches(segments).zip(references) {
-            self.patch_of[patch.vertices.clone()].fill(self.hanging.len());
-            let mut hanging = vec![None; field_count];
-            for (&field, &number) in patch.fields.iter().zip(references) {
+        let mut patch_of = vec![usize::MAX; layout.stencils.len()];
+        let mut hanging = Vec::new();
+        for (patch, references) in patches(layout.segments).zip(layout.references(&left)) {
+            patch_of[patch.vertices.clone()].fill(hanging.len());
+            let mut here: Vec<Option<Hanging>> = vec![None; layout.field_count];
+            for (&field, number) in patch.fields.iter().zip(references) {
                 let reference = Reference::from_number(number);
-                hanging[usize::from(field)] = Some(Hanging { reference, followers: Vec::new() });
-                // An earlier field of the patch, so it stands there already.
                 if let Some(Reference { field: other, share }) = reference {
-                    let other = hanging[other].get_or_insert_default();
+                    let other = here[other].as_mut().expect("a reference names an earlier field of its patch");
                     other.followers.push((usize::from(field), share));
                 }
+                here[usize::from(field)] = Some(Hanging { reference, followers: Vec::new() });
             }
-            self.hanging.push(hanging);
+            hanging.push(here);
         }
+        let (width, affected) = (4 * layout.quads(), Affected::default());
+        Choice { layout, centers, radius, chosen, left, width, dependents, patch_of, hanging, affected }
     }
 
     /// Chooses every point once; by its own difference alone where nothing follows what is chosen yet.
-    fn sweep(&mut self, segments: &[(usize, Vec<u16>)], heeds_others: bool) {
-        for patch in patches(segments) {
+    fn sweep(&mut self, heeds_others: bool) {
+        for patch in patches(self.layout.segments) {
             for vertex in patch.vertices.clone() {
                 for &field in patch.fields {
                     self.choose(vertex, usize::from(field), heeds_others);
@@ -149,35 +163,42 @@ impl<'a> Choice<'a> {
         let lane = vertex * self.width + 3 * field;
         let vector = |values: &[[f32; 4]]| Vec3::from_slice(&values.as_flattened()[lane..]);
         let (center, now) = (vector(self.centers), vector(&self.chosen));
+        // Balls overlap the end of what is stored.
+        let end = f32::from(i16::MAX);
+        let low = (center - self.radius).ceil().max(Vec3::splat(-end));
+        let high = (center + self.radius).floor().min(Vec3::splat(end));
+        let counts = (high - low + 1.0).max(Vec3::ZERO).to_array().map(|count| count as usize);
+        if counts.iter().product::<usize>() <= 1 {
+            return;
+        }
+
         let mut affected = std::mem::take(&mut self.affected);
         affected.clear();
-        affected.extend(self.difference(vertex, field).map(|difference| (difference, 1.0)));
-        if heeds_others {
-            self.hang_on(vertex, field, 1.0, &mut affected);
-            for &(dependent, weight) in &self.dependents[vertex] {
-                affected.extend(self.difference(dependent, field).map(|difference| (difference, -weight)));
-                self.hang_on(dependent, field, -weight, &mut affected);
-            }
+        self.add(vertex, field, 1.0, heeds_others, &mut affected);
+        for &(dependent, weight) in self.dependents[vertex].iter().filter(|_| heeds_others) {
+            self.add(dependent, field, -weight, true, &mut affected);
         }
-        let bits = |point: Vec3| -> f32 {
-            let change = point - now;
-            affected.iter().map(|(difference, share)| bits(*difference + change * *share)).sum()
-        };
-        let (mut best, mut least) = (now, bits(now));
-        let (low, high) = ((center - self.radius).ceil(), (center + self.radius).floor());
-        let whole = |i: usize| low[i] as i32..=high[i] as i32;
-        for (x, y, z) in whole(0).flat_map(|x| whole(1).flat_map(move |y| whole(2).map(move |z| (x, y, z)))) {
-            let point = Vec3::new(x as f32, y as f32, z as f32);
-            let is_allowed = point.distance_squared(center) <= self.radius * self.radius;
-            let is_stored = point.abs().max_element() <= f32::from(i16::MAX);
-            if is_allowed && is_stored && point != now {
-                let bits = bits(point);
-                if bits < least {
-                    (best, least) = (point, bits);
-                }
+        // Coordinates cost on their own, only the ball ties them to each other.
+        let mut costs = [[0; WIDEST]; 3];
+        for axis in 0..3 {
+            for (place, cost) in costs[axis].iter_mut().enumerate().take(counts[axis]) {
+                *cost = affected.cost(axis, low[axis] + place as f32 - now[axis]);
             }
         }
         self.affected = affected;
+        let (mut best, mut least) = (now, (u32::MAX, true));
+        for x in 0..counts[0] {
+            for y in 0..counts[1] {
+                for z in 0..counts[2] {
+                    let point = low + Vec3::new(x as f32, y as f32, z as f32);
+                    let cost = costs[0][x].wrapping_add(costs[1][y]).wrapping_add(costs[2][z]);
+                    let cost = (cost, point != now);
+                    if cost < least && point.distance_squared(center) <= self.radius * self.radius {
+                        (best, least) = (point, cost);
+                    }
+                }
+            }
+        }
         if best == now {
             return;
         }
@@ -192,28 +213,22 @@ impl<'a> Choice<'a> {
         }
     }
 
-    /// The differences at a vertex of the fields that add a share of this one's, of which `share` changes.
-    fn hang_on(&self, vertex: usize, field: usize, share: f32, affected: &mut Vec<(Vec3, f32)>) {
-        let hanging = self.hanging[self.patch_of[vertex]][field].iter();
-        for &(follower, of_it) in hanging.flat_map(|hanging| &hanging.followers) {
-            affected.extend(self.difference(vertex, follower).map(|difference| (difference, -share * of_it)));
+    /// Adds the difference of a field at a vertex, and if asked those of the fields that add a share of it. Where the field does not
+    /// move there is none.
+    fn add(&self, vertex: usize, field: usize, share: f32, with_followers: bool, affected: &mut Affected) {
+        let left = |field: usize| Vec3::from_slice(&self.left.as_flattened()[vertex * self.width + 3 * field..]);
+        let Some(patch) = self.hanging.get(self.patch_of[vertex]) else { return };
+        let difference = |field: usize, hanging: &Hanging| {
+            let across = hanging.reference.map_or(Vec3::ZERO, |Reference { field, share }| left(field) * share);
+            left(field) - across
+        };
+        let Some(hanging) = &patch[field] else { return };
+        affected.add(difference(field, hanging), share);
+        for &(follower, of_it) in hanging.followers.iter().filter(|_| with_followers) {
+            let hanging = patch[follower].as_ref().expect("fields that follow are of the patch");
+            affected.add(difference(follower, hanging), -share * of_it);
         }
     }
-
-    /// What would be stored of a field at a vertex, were it not rounded; none where it does not move.
-    fn difference(&self, vertex: usize, field: usize) -> Option<Vec3> {
-        let left = |field: usize| Vec3::from_slice(&self.left.as_flattened()[vertex * self.width + 3 * field..]);
-        let hanging = self.hanging.get(self.patch_of[vertex])?[field].as_ref()?;
-        let across = hanging.reference.map_or(Vec3::ZERO, |Reference { field, share }| left(field) * share);
-        Some(left(field) - across)
-    }
-}
-
-/// About what three differences take: the logarithm to base two of 1 and each, straight between powers of two, as the
-/// bits of floating-point numbers have it.
-fn bits(difference: Vec3) -> f32 {
-    let bits = |difference: f32| (1.0 + difference.abs()).to_bits() as f32 / (1 << 23) as f32;
-    bits(difference.x) + bits(difference.y) + bits(difference.z)
 }
 
 #[cfg(test)]
