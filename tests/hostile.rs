@@ -144,10 +144,13 @@ pub fn pack_sections(bytes: &[u8]) {
     with_section(bytes, |_| true);
 }
 
-/// The same of the two sections whose entropy coders stand behind counts and names.
+/// The same of the sections whose entropy coders stand behind counts and names.
 pub fn pack_fields(bytes: &[u8]) {
-    with_section(bytes, |section| [*b"TGTS", *b"FLDS"].contains(&section.tag));
+    with_section(bytes, |section| FIELDS.contains(&section.tag));
 }
+
+/// The sections that [`pack_fields`] tries.
+pub const FIELDS: [[u8; 4]; 3] = [*b"TGTS", *b"FLDS", *b"SFLD"];
 
 fn with_section(bytes: &[u8], is_meant: impl Fn(&Section) -> bool) {
     let Some((&number, content)) = bytes.split_first() else { return };
@@ -156,12 +159,21 @@ fn with_section(bytes: &[u8], is_meant: impl Fn(&Section) -> bool) {
     let number = usize::from(number) % meant.len();
     meant[number].stored = content.to_vec();
     meant[number].decoded_length = content.len() as u32;
+    // Of the two that say the same the older one is read.
+    if meant[number].tag == *b"SFLD" {
+        pack.sections.retain(|section| section.tag != *b"FLDS");
+    }
     open(&pack.to_pack());
 }
 
-/// A pack with every section there is, none of them compressed.
-pub static SMALL_PACK: LazyLock<Container> =
-    LazyLock::new(|| Container::of(include_bytes!("packs/v5_2.kitsuke")).uncompressed());
+/// A pack with every section that there is or was, none of them compressed.
+pub static SMALL_PACK: LazyLock<Container> = LazyLock::new(|| {
+    let mut pack = Container::of(include_bytes!("packs/v5_2.kitsuke")).uncompressed();
+    let mut newer = Container::of(include_bytes!("packs/v5_3.kitsuke")).uncompressed();
+    pack.minor = newer.minor;
+    pack.sections.push(newer.section(b"SFLD").clone());
+    pack
+});
 
 /// What a pack may decode to here, so that an input takes little time and memory.
 const DECODED_BYTES: usize = 1 << 20;

@@ -166,16 +166,15 @@ pub fn build_garment(
         let (fields_m, origin) = memo.recall(&keys::weld(base, sizes, &rests, &settings), || {
             weld::weld(base, &sizes.shapes, &rests, &settings)
         })?;
-        let in_steps = |radius_m: f32| {
-            let step_m = compress::step_m(radius_m);
-            let steps = weld::in_steps(base, &sizes.shapes, &fields_m, f64::from(step_m))?;
-            let (sizes, vertices) = (sizes.shapes.len(), base.positions_m.len());
-            let lost = compression::sizes(&fields_m, &steps, step_m, sizes, vertices, source.budget_m);
-            Ok(((steps, step_m), lost))
+        let source_vertex = &garment.data().mesh.source_vertex;
+        let fields = |radius_m: f32| {
+            let fields = fit_data::fields(base, &sizes.shapes, &fields_m, radius_m, &garment)?;
+            let lost = compression::sizes(&fields_m, &fields, source_vertex, sizes.shapes.len(), source.budget_m);
+            Ok((fields, lost))
         };
-        let ((steps, step_m), lost) = compression::within_budget(source.budget_m, in_steps)?;
+        let (fields, lost) = compression::within_budget(source.budget_m, fields)?;
         tell("weld", None, origin);
-        Ok((fit_data::fit_data(source, sizes, &steps, step_m, &garment), lost))
+        Ok((fit_data::fit_data(source, sizes, fields, &garment), lost))
     });
     let (fit, mixed) = fit.transpose()?.unzip();
     let accessories = accessories::accessories(source, &garment);

@@ -282,12 +282,13 @@ fn an_entry_that_lacks_a_figure_counts_as_not_built() {
 
 #[test]
 fn locked_refuses_a_change_of_the_index_and_check_writes_nothing() {
-    let (place, _) = Place::small_and_built();
-    place.nudge("komon/poses/03_both_down.obj");
+    let place = Place::tubes(&["komon"]);
+    place.build(Mode::Write);
+    place.nudge("komon/poses/02_left_down.obj");
     let written = place.written();
     for mode in [Mode::Locked, Mode::Check] {
         let report = place.build(mode);
-        assert!(report.changes[0].starts_with("komon: `blake3 = "), "{mode:?}: {:?}", report.changes);
+        assert!(report.changes[0].starts_with("komon: `mean_mm = "), "{mode:?}: {:?}", report.changes);
         assert!(place.written() == written, "{mode:?} wrote into the catalog");
     }
     place.build(Mode::Write);
@@ -460,7 +461,8 @@ fn painted_masks_are_kept_and_what_they_cut_off_is_told() {
     place.edit("komon/garment.toml", |text| {
         // Nobody painted the legs.
         let (arms, _) = text.split_once("[[driver]]\nname = \"leftUpperLeg\"").unwrap();
-        arms.replace("regions = \"auto\"", "regions = \"painted\"")
+        // Correctives have no masks, and take long.
+        arms.replace("regions = \"auto\"", "regions = \"painted\"").replace("correctives = 8", "correctives = 0")
     });
     let report = place.build(Mode::Write);
     entry(&report.garments[0]);

@@ -8,7 +8,7 @@ use kitsuke::skeleton::{Bone, Pose};
 use kitsuke::{Frame, Pack, Scratch, evaluate};
 use kitsuke_pipeline::look::raster::{Camera, Lens, Paint, Shape, render, smooth_normals};
 use kitsuke_pipeline::look::texture::Texture;
-use kitsuke_tests::doors::{Ended, has, repository, run};
+use kitsuke_tests::doors::{self, Ended, has, repository, run};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -20,14 +20,10 @@ const MODULES: &str = "target/web-test/node_modules";
 
 #[test]
 fn an_artist_sees_what_she_saves() {
-    let xtask = repository().join("target/release/xtask");
-    let missing = [
-        (repository().join(MODULES).join("puppeteer-core"), "npm install --prefix target/web-test puppeteer-core@24"),
-        (xtask.clone(), "cargo build --release --package xtask"),
-    ];
-    if let Some((_, command)) = missing.iter().find(|(path, _)| !path.exists()) {
-        return eprintln!("skipped: first run {command}");
+    if !repository().join(MODULES).join("puppeteer-core").exists() {
+        return eprintln!("skipped: first run npm install --prefix target/web-test puppeteer-core@24");
     }
+    let Some(mut command) = doors::xtask() else { return };
     if !(has("chromium") && has("node")) {
         return;
     }
@@ -36,7 +32,6 @@ fn an_artist_sees_what_she_saves() {
         ["assets-src", "catalog", "cache", "strangers"].map(|name| folder.path().join(name));
     copy(&repository().join("assets-src"), &assets);
     fs::create_dir_all(&strangers).unwrap();
-    let mut command = Command::new(xtask);
     command
         .arg("view")
         .arg("komon")

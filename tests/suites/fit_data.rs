@@ -107,7 +107,7 @@ fn a_fit_that_lacks_a_section_is_refused() {
         Pack::open(&container.to_pack()).unwrap().fit_data()
     };
     assert!(matches!(without(b"FITS"), Err(OpenError::Missing(_))));
-    assert!(matches!(without(b"FLDS"), Err(OpenError::Missing(_))));
+    assert!(matches!(without(b"SFLD"), Err(OpenError::Missing(_))));
     assert_eq!(without(b"SZUV"), Ok(Some(FitData { uv: Vec::new(), ..small_fit() })));
 }
 

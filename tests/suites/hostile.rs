@@ -2,7 +2,7 @@
 
 use kitsuke::pack::write::{write, write_with};
 use kitsuke_tests::container::Container;
-use kitsuke_tests::hostile::{SMALL_PACK, TARGETS};
+use kitsuke_tests::hostile::{FIELDS, SMALL_PACK, TARGETS};
 use kitsuke_tests::random::Numbers;
 use kitsuke_tests::{random, small_accessories, small_fit, small_garment};
 use std::path::{Path, PathBuf};
@@ -102,7 +102,7 @@ fn write_the_seeds_of_packs() {
         let name = format!("seed_{}", String::from_utf8_lossy(&section.tag));
         let with = |number: u8| [&[number], section.stored.as_slice()].concat();
         seed("pack_sections", &name, &with(number));
-        if [*b"TGTS", *b"FLDS"].contains(&section.tag) {
+        if FIELDS.contains(&section.tag) {
             seed("pack_fields", &name, &with(fields));
             fields += 1;
         }

@@ -22,30 +22,6 @@ fn the_small_garment_comes_back_exactly() {
     assert_eq!(write(&garment), pack, "the same garment gives the same bytes");
 }
 
-/// The small garment with its fit as version 5.0 writes it. One pack of every released version stays and opens for ever.
-const V5: &[u8] = include_bytes!("../packs/v5_0.kitsuke");
-
-#[test]
-fn version_5_opens() {
-    let pack = Pack::open(V5).unwrap();
-    assert_eq!(pack.version(), (5, 0));
-    assert_eq!(pack.garment().data(), small_garment().data());
-    assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
-    assert_eq!(*pack.accessories(), Accessories::default());
-}
-
-/// The same with what comes with it, as version 5.1 writes it.
-const V5_1: &[u8] = include_bytes!("../packs/v5_1.kitsuke");
-
-#[test]
-fn version_5_1_opens() {
-    let pack = Pack::open(V5_1).unwrap();
-    assert_eq!(pack.version(), (5, 1));
-    assert_eq!(pack.garment().data(), small_garment().data());
-    assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
-    assert_eq!(*pack.accessories(), small_accessories());
-}
-
 /// The small garment with what its compression lost.
 fn with_losses() -> Garment {
     let loss = |number: usize| Loss { max_m: 1e-5 * number as f32, p99_m: 5e-6, above_half: 0.25 };
@@ -55,16 +31,32 @@ fn with_losses() -> Garment {
     Garment::new(GarmentData { compression: Some(compression), ..data }).unwrap()
 }
 
-/// The same with what its compression lost, as version 5.2 writes it.
-const V5_2: &[u8] = include_bytes!("../packs/v5_2.kitsuke");
+/// Version 5.0, and one pack of every version since: they stay and open for ever.
+const V5: &[u8] = include_bytes!("../packs/v5_0.kitsuke");
+const VERSIONS: [&[u8]; 4] = [
+    V5,
+    include_bytes!("../packs/v5_1.kitsuke"),
+    include_bytes!("../packs/v5_2.kitsuke"),
+    include_bytes!("../packs/v5_3.kitsuke"),
+];
 
+/// 5.1 brought what comes with a kimono, 5.2 what its compression lost, 5.3 other bytes for the fields of sizes.
 #[test]
-fn version_5_2_opens() {
-    let pack = Pack::open(V5_2).unwrap();
-    assert_eq!(pack.version(), (5, 2));
-    assert_eq!(pack.garment().data(), with_losses().data());
-    assert_eq!(pack.fit_data(), Ok(Some(small_fit())));
-    assert_eq!(*pack.accessories(), small_accessories());
+fn every_version_opens() {
+    for (minor, bytes) in VERSIONS.into_iter().enumerate() {
+        let pack = Pack::open(bytes).unwrap();
+        assert_eq!(pack.version(), (5, minor as u16));
+        let (garment, accessories) = match minor {
+            0 => (small_garment(), Accessories::default()),
+            1 => (small_garment(), small_accessories()),
+            _ => (with_losses(), small_accessories()),
+        };
+        assert_eq!(pack.garment().data(), garment.data(), "5.{minor}");
+        assert_eq!(pack.fit_data(), Ok(Some(small_fit())), "5.{minor}");
+        assert_eq!(*pack.accessories(), accessories, "5.{minor}");
+    }
+    assert_eq!(VERSIONS.len(), usize::from(layout::MINOR) + 1, "one pack of every version");
+    assert_eq!(write_with(&with_losses(), &small_accessories(), Some(&small_fit())).unwrap(), VERSIONS[3]);
 }
 
 #[test]

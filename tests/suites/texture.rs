@@ -19,7 +19,7 @@ fn a_pattern_keeps_its_size_in_every_size() {
     let garment = Garment::new(compress::compress(&source, &skin, &masks, &[], source.budget_m).unwrap()).unwrap();
     let mesh = &garment.data().mesh;
     let sizes = source.sizes.as_ref().unwrap();
-    let fit = fit_data::fit_data(&source, sizes, &[], 1e-4, &garment);
+    let fit = fit_data::fit_data(&source, sizes, Vec::new(), &garment);
     let texturer = Texturer::new(mesh, &fit).unwrap();
     let mut scratch = TextureScratch::new(&texturer);
     let m_per_uv = m_per_uv(mesh);

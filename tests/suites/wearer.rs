@@ -1,5 +1,7 @@
 //! Fitted kimono on their own wearers: whose body is taken, and where the cloth lies on it.
 
+use super::blending::KOMON;
+use super::build::WHOLE;
 use glam::{Quat, Vec3};
 use kitsuke::Pack;
 use kitsuke::fit::Tailor;
@@ -14,9 +16,9 @@ use kitsuke_pipeline::memo::Memo;
 use kitsuke_pipeline::{build_garment, source};
 use std::path::Path;
 
-/// A garment's folder, built without correctives.
-fn built(folder: &str) -> (ir::Garment, Pack) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+/// The tube, built without correctives.
+fn tube() -> (ir::Garment, Pack) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("garments/tube");
     let mut source = kitsuke_pipeline::load(&folder).garment.expect("the garment is sound");
     source.correctives = 0;
     let cache = tempfile::tempdir().unwrap();
@@ -52,7 +54,7 @@ fn tall_doll(doll: &ir::Body, joints_m: &[Vec3]) -> ir::Body {
 
 #[test]
 fn a_fitted_kimono_lies_on_its_own_wearer_as_the_base_on_its_own() {
-    let (source, pack) = built("garments/tube");
+    let (source, pack) = tube();
     let (tall, joints_m) = fitted_to(&pack, 2);
     let body = tall_doll(&source.body, &joints_m);
     let on_tall = worn(source.clone(), &tall, WearerBody::Skinned(body.clone())).unwrap();
@@ -81,7 +83,7 @@ fn a_fitted_kimono_lies_on_its_own_wearer_as_the_base_on_its_own() {
 
 #[test]
 fn another_body_is_refused_with_what_is_wrong() {
-    let (source, pack) = built("garments/tube");
+    let (source, pack) = tube();
     let (tall, joints_m) = fitted_to(&pack, 2);
     let refused = |body: WearerBody| worn(source.clone(), &tall, body).expect_err("it is another's");
     let body = tall_doll(&source.body, &joints_m);
@@ -137,7 +139,8 @@ fn komon_fitted_to_its_smallest_body_is_worn_by_no_other() {
         eprintln!("skipped: {} is not there", folder.display());
         return;
     };
-    let (source, pack) = built("../assets-src/komon");
+    let source = &KOMON.0;
+    let pack = Pack::open(&WHOLE.files["packs/komon.kitsuke"]).unwrap();
     let (small, _) = fitted_to(&pack, 1);
     // As tall within 5 mm, but 26 cm more about the bust.
     let (stout, _) = fitted_to(&pack, 2);

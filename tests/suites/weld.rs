@@ -6,7 +6,7 @@ use kitsuke::Pack;
 use kitsuke::arrays::SkinWeights;
 use kitsuke::fit::FitData;
 use kitsuke::garment::Garment;
-use kitsuke::pack::layout::FLDS;
+use kitsuke::pack::layout::SFLD;
 use kitsuke::pack::write::write_with;
 use kitsuke_pipeline::measure::weld_quality::{UNEVEN, measure, source_shape};
 use kitsuke_pipeline::stages::{compress, fit_data, weld};
@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 /// About as fine as the build makes it.
-const STEP_M: f32 = 0.05e-3;
+const RADIUS_M: f32 = 0.045e-3;
 
 /// The sample without its poses, which fitting does not need and which take long to build.
 pub(super) static SAMPLE: LazyLock<(ir::Garment, Garment, FitData)> = LazyLock::new(|| {
@@ -30,8 +30,8 @@ pub(super) static SAMPLE: LazyLock<(ir::Garment, Garment, FitData)> = LazyLock::
     let rests: Vec<f64> =
         source.base.positions_m.iter().map(|p| f64::from(u8::from(p.y > shoulder_m && p.x.abs() < 0.2))).collect();
     let fields_m = weld::weld(&source.base, &sizes.shapes, &rests, &weld::Settings::default()).unwrap();
-    let steps = weld::in_steps(&source.base, &sizes.shapes, &fields_m, f64::from(STEP_M)).unwrap();
-    let fit = fit_data::fit_data(&source, sizes, &steps, STEP_M, &garment);
+    let fields = fit_data::fields(&source.base, &sizes.shapes, &fields_m, RADIUS_M, &garment).unwrap();
+    let fit = fit_data::fit_data(&source, sizes, fields, &garment);
     (source, garment, fit)
 });
 
@@ -74,12 +74,12 @@ fn a_part_alone_keeps_to_itself() {
 }
 
 #[test]
-fn the_fields_of_the_sample_take_three_bits_a_number() {
+fn the_fields_of_the_sample_take_less_than_two_bits_a_number() {
     let (_, garment, fit) = &*SAMPLE;
     let bytes = write_with(garment, &Accessories::default(), Some(fit)).unwrap();
     let pack = Pack::open(&bytes).unwrap();
     assert!(pack.fit_data().unwrap().as_ref() == Some(fit));
-    let stored = pack.sections().iter().find(|section| section.tag == FLDS).unwrap().stored_length;
+    let stored = pack.sections().iter().find(|section| section.tag == SFLD).unwrap().stored_length;
     let numbers = fit.fields.len() * 3 * garment.unique_count();
-    assert!(8 * stored < 3 * numbers + numbers / 4, "{stored} bytes for {numbers} numbers");
+    assert!(8 * stored < 2 * numbers, "{stored} bytes for {numbers} numbers");
 }

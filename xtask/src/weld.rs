@@ -56,7 +56,7 @@ fn figures(args: &Args) -> Result<String, String> {
          shortest edge: {least_edge:.2} of the shortest in any source\n",
         fit.parts.len(),
         fit.size_count(),
-        bytes(layout::FLDS),
+        bytes(layout::SFLD),
         bytes(layout::SZUV),
     );
     text += &posing(pack.garment(), &fit)?;

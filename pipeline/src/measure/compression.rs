@@ -6,6 +6,7 @@ use crate::measure::weld_quality::random_weights;
 use crate::stages::StageError;
 use glam::{Affine3A, Vec3};
 use kitsuke::arrays::{Compression, GarmentData, Loss, Target};
+use kitsuke::fit::Field;
 use kitsuke::{Garment, Rates};
 use rayon::prelude::*;
 
@@ -85,25 +86,19 @@ impl Owned {
     }
 }
 
-/// What the steps of the fields of sizes lose of any wearer's shape: over random mixes of sizes, part by part. `fields_m` and `steps` are per part,
-/// per size of `sizes`, one per base vertex.
-pub fn sizes(
-    fields_m: &[[f32; 3]],
-    steps: &[[i16; 3]],
-    step_m: f32,
-    sizes: usize,
-    vertices: usize,
-    budget_m: f32,
-) -> Loss {
-    let lost = |(field_m, steps): (&[f32; 3], &[i16; 3])| {
-        Vec3::from_array(steps.map(f32::from)) * step_m - Vec3::from_array(*field_m)
+/// What the steps of the fields of sizes lose of any wearer's shape: over random mixes of sizes, part by part. `fields_m` are per part,
+/// size and base vertex, as they were; `fields` per part and size, as they are stored, in the order of `source_vertex`.
+pub fn sizes(fields_m: &[[f32; 3]], fields: &[Field], source_vertex: &[u32], sizes: usize, budget_m: f32) -> Loss {
+    let vertices = source_vertex.len();
+    let lost = |(field_m, field): (&[[f32; 3]], &Field)| -> Vec<Vec3> {
+        let is_m = field.deltas.iter().map(|steps| Vec3::from_array(steps.map(f32::from)) * field.step_m);
+        is_m.zip(source_vertex).map(|(is_m, &v)| is_m - Vec3::from_array(field_m[v as usize])).collect()
     };
-    let errors_m: Vec<Vec3> = fields_m.par_iter().zip(steps).map(lost).collect();
-    let fields = errors_m.len() / vertices.max(1);
+    let errors_m: Vec<Vec<Vec3>> = fields_m.par_chunks_exact(vertices.max(1)).zip(fields).map(lost).collect();
     let of_mix = |mix: u64| -> Vec<f32> {
         let mut sum_m = vec![Vec3::ZERO; vertices];
-        let weights = random_weights(mix, fields / sizes.max(1), sizes);
-        for (errors_m, weight) in errors_m.chunks_exact(vertices).zip(weights).filter(|(_, weight)| *weight != 0.0) {
+        let weights = random_weights(mix, errors_m.len() / sizes.max(1), sizes);
+        for (errors_m, weight) in errors_m.iter().zip(weights).filter(|(_, weight)| *weight != 0.0) {
             sum_m.iter_mut().zip(errors_m).for_each(|(sum_m, error_m)| *sum_m += *error_m * weight);
         }
         sum_m.into_iter().map(Vec3::length).collect()
@@ -177,8 +172,9 @@ mod tests {
     use super::*;
 
     /// Two parts, three sizes, five vertices.
-    fn steps_of(step_m: f32) -> Vec<[i16; 3]> {
-        (0..2 * 3 * 5).map(|at| field_m(at).map(|x_m| (x_m / step_m).round() as i16)).collect()
+    fn fields_of(step_m: f32) -> Vec<Field> {
+        let delta = |at: usize| field_m(at).map(|x_m| (x_m / step_m).round() as i16);
+        (0..6).map(|field| Field { step_m, deltas: (0..5).map(|v| delta(5 * field + v)).collect() }).collect()
     }
 
     fn field_m(at: usize) -> [f32; 3] {
@@ -188,25 +184,32 @@ mod tests {
     #[test]
     fn steps_of_sizes_are_as_coarse_as_any_mix_lets_them_be() {
         let fields_m: Vec<[f32; 3]> = (0..2 * 3 * 5).map(field_m).collect();
-        let budget_m = 0.2e-3;
-        let made = |radius_m: f32| {
-            let lost = sizes(&fields_m, &steps_of(radius_m), radius_m, 3, 5, budget_m);
-            Ok((radius_m, lost))
+        let (budget_m, order) = (0.2e-3, [0, 1, 2, 3, 4]);
+        let made = |step_m: f32| {
+            let fields = fields_of(step_m);
+            let lost = sizes(&fields_m, &fields, &order, 3, budget_m);
+            Ok((fields, lost))
         };
-        let (step_m, lost) = within_budget(budget_m, made).unwrap();
-        assert!(lost.max_m <= budget_m + NOISE_M && step_m > 0.2 * budget_m, "{step_m} {lost:?}");
+        let (fields, lost) = within_budget(budget_m, made).unwrap();
+        assert!(lost.max_m <= budget_m + NOISE_M && fields[0].step_m > 0.2 * budget_m, "{lost:?}");
         // Whole sizes, part by part, and their halves are mixes, too.
-        let error_m = |part: usize, size: usize, v: usize| {
-            let at = (part * 3 + size) * 5 + v;
-            Vec3::from_array(steps_of(step_m)[at].map(f32::from)) * step_m - Vec3::from_array(fields_m[at])
+        let error_m = |field: usize, v: usize| {
+            let is_m = Vec3::from_array(fields[field].deltas[v].map(f32::from)) * fields[field].step_m;
+            is_m - Vec3::from_array(fields_m[5 * field + v])
         };
         for (one, other) in (0..3).flat_map(|one| (0..3).map(move |other| (one, other))) {
             for v in 0..5 {
-                let both = (error_m(0, one, v) + error_m(1, other, v)).length();
+                let both = (error_m(one, v) + error_m(3 + other, v)).length();
                 assert!(both <= budget_m * 1.001, "{both} in sizes {one} and {other}");
             }
         }
-        let wrong = sizes(&fields_m, &vec![[0; 3]; fields_m.len()], step_m, 3, 5, budget_m);
+        // In the pack's order others stand at the same places.
+        let mut turned = fields_of(budget_m / 8.0);
+        turned.iter_mut().for_each(|field| field.deltas.reverse());
+        assert!(sizes(&fields_m, &turned, &[4, 3, 2, 1, 0], 3, budget_m).max_m < budget_m);
+        assert!(sizes(&fields_m, &turned, &order, 3, budget_m).max_m > budget_m);
+        let none = vec![Field { step_m: 1e-4, deltas: vec![[0; 3]; 5] }; 6];
+        let wrong = sizes(&fields_m, &none, &order, 3, budget_m);
         assert!(wrong.max_m > 0.1 && wrong.above_half > 0.9, "{wrong:?}");
     }
 }

@@ -4,7 +4,7 @@ use crate::ir;
 use crate::stages::StageError;
 use glam::{Quat, Vec2, Vec3};
 use kitsuke::arrays::{Driver, GarmentData, Mesh, Part, PoseTable, Segment, SkinWeights, Target};
-use kitsuke::pack::write::{Wanted, quantise};
+use kitsuke::pack::write::{moved, quantise};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Driver sets owning fewer vertices than this join a larger set that holds them.
@@ -50,10 +50,10 @@ pub fn compress(
         .zip(&steps)
         .map(|(t, steps)| target(t, step_m, steps, &layers_of_drivers, &order))
         .collect();
-    let wanted: Vec<Wanted> =
+    let wanted: Vec<Vec<Vec3>> =
         targets.iter().zip(deltas).map(|(target, deltas)| wanted(target, deltas, &order)).collect();
-    let radius = radius_m / step_m;
-    for (target, deltas) in targets.iter_mut().zip(quantise(&mesh, &order.segments, &wanted, radius)) {
+    let moved = moved(&order.segments, targets.iter().map(|target| target.segments.as_slice()));
+    for (target, deltas) in targets.iter_mut().zip(quantise(&mesh, &moved, &wanted, radius_m / step_m)) {
         target.deltas = deltas;
     }
     Ok(GarmentData {
@@ -199,7 +199,7 @@ fn target(shape: &ir::TargetShape, step_m: f32, steps: &[[i16; 3]], layers_of_dr
 }
 
 /// What a target's steps would be if they need not be whole.
-fn wanted(target: &Target, deltas: &[Vec3], order: &Order) -> Wanted {
+fn wanted(target: &Target, deltas: &[Vec3], order: &Order) -> Vec<Vec3> {
     let mut start = 0;
     let runs = order.segments.iter().map(|segment| {
         let run = &order.source_vertex[start..start + segment.vertex_count as usize];
@@ -208,8 +208,7 @@ fn wanted(target: &Target, deltas: &[Vec3], order: &Order) -> Wanted {
     });
     let runs: Vec<&[u32]> = runs.collect();
     let moved = target.segments.iter().flat_map(|&segment| runs[usize::from(segment)]);
-    let steps = moved.map(|&vertex| deltas[vertex as usize] / target.step_m).collect();
-    Wanted { segments: target.segments.clone(), steps }
+    moved.map(|&vertex| deltas[vertex as usize] / target.step_m).collect()
 }
 
 /// The surface in the pack's order: unique vertices, then a twin for every further texture coordinate of one.

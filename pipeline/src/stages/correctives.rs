@@ -14,7 +14,7 @@ use crate::stages::StageError;
 use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 use kitsuke::arrays::{GarmentData, RbfLayer, Segment, SkinWeights, Target};
 use kitsuke::evaluate::{blend, skin};
-use kitsuke::pack::write::{Wanted, quantise};
+use kitsuke::pack::write::{moved, quantise};
 use kitsuke::pose_blend::rbf::rows_of_layer;
 use kitsuke::skeleton::Pose;
 use kitsuke::{Garment, Rates, Scratch};
@@ -138,7 +138,7 @@ pub fn with_correctives(
             for (place, shape_m) in found.shapes_m.iter().enumerate() {
                 let name = format!("{} corrective {}", group.name, place + 1);
                 let (target, steps) = target(&data, name, number as u8, shape_m, settings.step_m);
-                wanted.push(Wanted { segments: target.segments.clone(), steps });
+                wanted.push(steps);
                 data.targets.push(target);
             }
             let turned = poses.iter().map(Pose::with_arms_untwisted);
@@ -149,7 +149,8 @@ pub fn with_correctives(
     }
     data.corrective_count = wanted.len();
     let first = data.targets.len() - wanted.len();
-    let quantised = quantise(&data.mesh, &data.segments, &wanted, RADIUS);
+    let moved = moved(&data.segments, data.targets[first..].iter().map(|target| target.segments.as_slice()));
+    let quantised = quantise(&data.mesh, &moved, &wanted, RADIUS);
     data.targets[first..].iter_mut().zip(quantised).for_each(|(target, deltas)| target.deltas = deltas);
     kernel::correct(&mut data, &places)?;
     Ok(data)

@@ -60,56 +60,6 @@ pub fn weld(
     Ok(fields.concat())
 }
 
-/// The fields in steps of `step_m`. Over all parts of a size they still sum exactly to its rounded displacement: what rounding leaves over
-/// goes to the first part of which a vertex is a corner.
-///
-/// # Errors
-/// When a size lies too far from the base for the step, naming size and vertex.
-pub fn in_steps(
-    base: &Surface,
-    sizes: &[SizeShape],
-    fields_m: &[[f32; 3]],
-    step_m: f64,
-) -> Result<Vec<[i16; 3]>, StageError> {
-    let vertex_count = base.positions_m.len();
-    let mut owner = vec![None; vertex_count];
-    let parts = base.parts.iter().enumerate();
-    let parts = parts.flat_map(|(part, p)| std::iter::repeat_n(part, p.triangle_count as usize));
-    for (corners, part) in base.triangles.iter().zip(parts) {
-        corners.iter().for_each(|&v| _ = owner[v as usize].get_or_insert(part));
-    }
-    let rounded = |metres: DVec3| (metres / step_m).round();
-    let mut steps = vec![[0; 3]; fields_m.len()];
-    for (s, size) in sizes.iter().enumerate() {
-        for v in 0..vertex_count {
-            let at = |part: usize| (part * sizes.len() + s) * vertex_count + v;
-            let mut rest = rounded(size.positions_m[v].as_dvec3() - base.positions_m[v].as_dvec3());
-            let owner = owner[v].unwrap_or(0);
-            for part in (0..base.parts.len()).filter(|part| *part != owner) {
-                let step = rounded(DVec3::from_array(fields_m[at(part)].map(f64::from)));
-                rest -= step;
-                steps[at(part)] = whole(step, size, v, step_m)?;
-            }
-            steps[at(owner)] = whole(rest, size, v, step_m)?;
-        }
-    }
-    Ok(steps)
-}
-
-fn whole(steps: DVec3, size: &SizeShape, vertex: usize, step_m: f64) -> Result<[i16; 3], StageError> {
-    if steps.abs().max_element() <= f64::from(i16::MAX) {
-        return Ok(steps.to_array().map(|step| step as i16));
-    }
-    let (file, far_m, most_m) = (&size.file, (steps * step_m).length(), f64::from(i16::MAX) * step_m);
-    Err(StageError::new(
-        "weld",
-        format!(
-            "{file}: vertex {vertex} moves {far_m:.2} m, but steps of {:.4} mm store at most {most_m:.2} m; give a larger budget",
-            step_m * 1e3
-        ),
-    ))
-}
-
 /// One part's field of one size, metres.
 fn field(
     stiffness: &Stiffness,

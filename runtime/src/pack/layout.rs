@@ -1,4 +1,4 @@
-//! The format of a pack, version 5.2. This file is its specification and its only home: what is written here, and the
+//! The format of a pack, version 5.3. This file is its specification and its only home: what is written here, and the
 //! readers and writers below it, side by side. How numbers and arrays become bytes stands in [`codec`](super::codec).
 //!
 //! Numbers are little-endian. `f32` and `f64` are IEEE 754, `text` is a `u16` length and as many bytes of UTF-8, `flag`
@@ -51,7 +51,8 @@
 //! | `RBFS` | `flag` has a default kernel, and if so, per layer (one more than the largest of the drivers) with m targets, n of them correctives: `f64` joint width, reach, ridge and mirror ridge, `u8` group count; per group: `text` name, `u8` driver count, per driver: `u8`, `u8` chain length, per joint: `bone`, `u8` parent in the chain (255: none), `flag` is carried, 3 `f64` axis, `f64` swing, `f64` twist, `u8` mirror (255: none), (m - n + 1) m `f64` own coefficients (with a mirror (2 (m - n) + 1) m), (m - n + 1) m `f64` joint coefficients, `u32` poses between the samples, per pose and joint of the chain: x, y, z, w as `f32`, then n `f64` coefficients per pose |
 //! | `CERT` | `flag` has a certificate, and if so, as `f32`: speed, largest step, largest change of step; `bone` fastest joint; `u16` two nearest rows; `flag` has left-out errors, and if so, k - c times mean, p99, max as `f32`; the nearest pair as two `u16` and `f32` |
 //! | `FITS` | optional: `u32` body count n + 1 (the base's, then one per size); per body: `text` name, `u8` count, per known measurement: `u8` number, `f32`; per joint of the skeleton: 3 `f32`; `u32` dimension count, per dimension: `text` name, kanji and rule, `f32` offset, `f32` load, `u32` count, `column` of `u32` vertices; `u32` rule set count, per rule set: `text` name and source, `u16` count, per dimension: `text` name and kanji, program; `u16` count, per check: `text` name, program, `u16` count, per limit: `u8` side, `u8` level, program, `text`; a program is a `u16` count and per step a `u8` number and its operand |
-//! | `FLDS` | optional, with `FITS`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
+//! | `FLDS` | before 5.3 in place of `SFLD`: per part and size: `f32` step; `residuals` of n sizes of 3 axes of v vertices of the sum over the parts and of every part but the vertex's first |
+//! | `SFLD` | since 5.3, with `FITS`: per part and size: `f32` step; then as fields (`field`) of v vertices, size after size: of the sum over the parts, then of every part but the vertex's first. Their runs are as long as vertices have the same first part; sums and differences wrap at 16 bits |
 //! | `SZUV` | optional, with `FITS`: `f64` step; if 0, per size: u, v, `floats(v + w)`; else `residuals` of n sizes of u and v of v + w vertices, in steps |
 //! | `ACCS` | optional, since 5.1: `text` body; `flag` has a texture, and if so, `text` name, `u32` width and height; `flag` has an obi, and if so, as `u32` its vertices n and triangles m, x, y, z of the positions, `floats(n)`, corners of the triangles, `column(3 m)` of `u32`, skin weights as in `SKIN`; `u32` path count, per path: `text` name and kanji, `f32` offset, `u32` count, `column` of `u32` vertices |
 //! | `LOSS` | optional, since 5.2: `f32` budget; k - c times largest and 99th percentile of the error and share above half the budget as `f32`; `u32` poses; the same three of the surface |
@@ -63,6 +64,8 @@
 pub(super) mod accessories;
 #[cfg(feature = "fit")]
 pub(super) mod fit;
+#[cfg(feature = "fit")]
+pub(super) mod size_fields;
 
 use super::codec::{Column, Reader};
 use super::field::{self, Lower};
@@ -84,7 +87,7 @@ pub const MAGIC: [u8; 8] = *b"\x89kitsuke";
 /// Readers refuse another major version.
 pub const MAJOR: u16 = 5;
 /// Grows when sections are added that older readers may skip.
-pub const MINOR: u16 = 2;
+pub const MINOR: u16 = 3;
 /// Bytes before the section table.
 pub const HEADER_BYTES: usize = 20;
 /// Bytes of an entry of the section table.
@@ -134,8 +137,10 @@ pub const RBFS: Tag = Tag(*b"RBFS");
 pub const CERT: Tag = Tag(*b"CERT");
 /// What a fit needs but fields and texture coordinates.
 pub const FITS: Tag = Tag(*b"FITS");
-/// Displacement fields.
+/// Displacement fields, as before 5.3.
 pub const FLDS: Tag = Tag(*b"FLDS");
+/// Displacement fields.
+pub const SFLD: Tag = Tag(*b"SFLD");
 /// Texture coordinates of the sizes.
 pub const SZUV: Tag = Tag(*b"SZUV");
 /// What comes with the kimono.
@@ -147,7 +152,7 @@ pub const TXTR: Tag = Tag(*b"TXTR");
 /// The sections that every pack has.
 pub const REQUIRED: [Tag; 9] = [INFO, SKEL, MESH, SKIN, DRIV, SEGS, TGTS, RBFS, CERT];
 /// The sections that a pack may have.
-pub const OPTIONAL: [Tag; 6] = [FITS, FLDS, SZUV, ACCS, TXTR, LOSS];
+pub const OPTIONAL: [Tag; 7] = [FITS, FLDS, SFLD, SZUV, ACCS, TXTR, LOSS];
 
 /// Whether this version has such a section.
 #[must_use]
@@ -502,11 +507,7 @@ pub(super) fn write_targets(data: &GarmentData, to: &mut Writer) {
         target.segments.iter().for_each(|&segment| to.u16(segment));
     }
     let moving: Vec<&Target> = targets.iter().filter(|target| !target.segments.is_empty()).collect();
-    let moves = |segment: usize, field: u16| moving[usize::from(field)].segments.contains(&(segment as u16));
-    let moved = |(number, segment): (usize, &Segment)| {
-        (segment.vertex_count as usize, (0..moving.len() as u16).filter(|&field| moves(number, field)).collect())
-    };
-    let moved: Vec<(usize, Vec<u16>)> = segments.iter().enumerate().map(moved).collect();
+    let moved = field::moved(segments, moving.iter().map(|target| target.segments.as_slice()));
     let lower = Lower::new(mesh.positions_m.len(), &mesh.twin_of, &mesh.triangles);
     let fields: Vec<&[[i16; 3]]> = moving.iter().map(|target| target.deltas.as_slice()).collect();
     field::write(&fields, &moved, &lower, &mesh.positions_m, to);

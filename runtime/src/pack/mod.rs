@@ -133,8 +133,15 @@ impl Pack {
         let need = |tag| find(tag).ok_or(OpenError::Missing(tag));
         let mut fit = read_stored(need(layout::FITS)?, &mut allowed, |from| layout::fit::read_fit(garment, from))?;
         let sizes = fit.size_count();
-        fit.fields =
-            read_stored(need(layout::FLDS)?, &mut allowed, |from| layout::fit::read_fields(garment, sizes, from))?;
+        fit.fields = match find(layout::FLDS) {
+            Some(older) => {
+                read_stored(older, &mut allowed, |from| layout::size_fields::read_before_5_3(garment, sizes, from))?
+            }
+            None => {
+                let read = |from: &mut Reader<'_>| layout::size_fields::read(garment, sizes, from);
+                read_stored(need(layout::SFLD)?, &mut allowed, read)?
+            }
+        };
         if let Some(section) = find(layout::SZUV) {
             fit.uv = read_stored(section, &mut allowed, |from| layout::fit::read_uv(garment, sizes, from))?;
         }
@@ -481,7 +488,9 @@ impl Sections<'_> {
 /// The sections of a fit, to be decoded when somebody wants to fit.
 #[cfg(feature = "fit")]
 fn stored_fit(bytes: &[u8], sections: &[SectionInfo]) -> Vec<(SectionInfo, Vec<u8>)> {
-    let of_fit = sections.iter().filter(|section| [layout::FITS, layout::FLDS, layout::SZUV].contains(&section.tag));
+    let of_fit = sections
+        .iter()
+        .filter(|section| [layout::FITS, layout::FLDS, layout::SFLD, layout::SZUV].contains(&section.tag));
     of_fit.map(|section| (*section, bytes[section.offset..section.offset + section.stored_length].to_vec())).collect()
 }
 

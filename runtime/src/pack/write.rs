@@ -8,7 +8,9 @@ use crate::accessories::{Accessories, InvalidAccessories};
 use crate::fit::{FitData, InvalidFit};
 use crate::garment::Garment;
 
-pub use super::field::{Wanted, quantise};
+pub use super::field::{moved, quantise};
+#[cfg(feature = "fit")]
+pub use super::layout::size_fields::quantise as quantise_size_fields;
 
 /// The garment as a pack, which [`Pack::open`](super::Pack::open) gives back exactly.
 ///
@@ -44,7 +46,7 @@ pub fn write_with(garment: &Garment, accessories: &Accessories, fit: Option<&Fit
     if let Some(fit) = fit {
         fit.check(garment)?;
         sections.push(section(layout::FITS, |to| layout::fit::write_fit(fit, to)));
-        sections.push(section(layout::FLDS, |to| layout::fit::write_fields(garment, fit, to)));
+        sections.push(section(layout::SFLD, |to| layout::size_fields::write(garment, fit, to)));
         if !fit.uv.is_empty() {
             sections.push(section(layout::SZUV, |to| layout::fit::write_uv(garment, &fit.uv, to)));
         }

@@ -9,7 +9,7 @@
 
 use super::encode::{Layout, cost};
 use super::*;
-use crate::arrays::{Mesh, Segment};
+use crate::arrays::Mesh;
 
 /// Choices of what predicts a patch, each from the points that the one before led to.
 const ROUNDS: usize = 2;
@@ -18,33 +18,20 @@ const SWEEPS: usize = 3;
 /// Whole numbers of a coordinate within a ball, at most.
 const WIDEST: usize = 7;
 
-/// A field that is to be stored, as long as the segments that it moves.
-#[derive(Clone, Debug)]
-pub struct Wanted {
-    /// The segments, ascending.
-    pub segments: Vec<u16>,
-    /// x, y, z per vertex of those segments, in steps, not yet whole.
-    pub steps: Vec<Vec3>,
-}
-
-/// Whole steps within `radius` steps of what is wanted, such that the fields take few bytes. Every ball must hold a whole
-/// point: the radius is √3/2 or more, and 3 at most.
+/// Whole steps within `radius` steps of what is wanted, such that the fields take few bytes. `moved` is per run of vertices of the
+/// mesh how many they are and which fields move them; `wanted` is per field x, y, z of those vertices, in steps, not yet whole. Every
+/// ball must hold a whole point: the radius is √3/2 or more, and 3 at most.
 ///
 /// # Panics
-/// When the mesh, the segments and the fields do not fit each other, steps lie outside 16 bits, or the radius is another.
+/// When the mesh, the runs and the fields do not fit each other, steps lie outside 16 bits, or the radius is another.
 #[must_use]
-pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f32) -> Vec<Vec<[i16; 3]>> {
+pub fn quantise(mesh: &Mesh, moved: &[(usize, Vec<u16>)], wanted: &[Vec<Vec3>], radius: f32) -> Vec<Vec<[i16; 3]>> {
     assert!((0.866..=3.0).contains(&radius), "a radius of {radius} steps");
     let lower = Lower::new(mesh.positions_m.len(), &mesh.twin_of, &mesh.triangles);
-    let moves = |segment: usize, field: u16| wanted[usize::from(field)].segments.contains(&(segment as u16));
-    let moved = |(number, segment): (usize, &Segment)| {
-        (segment.vertex_count as usize, (0..wanted.len() as u16).filter(|&field| moves(number, field)).collect())
-    };
-    let segments: Vec<(usize, Vec<u16>)> = segments.iter().enumerate().map(moved).collect();
     let centers: Vec<Vec<[f32; 3]>> =
-        wanted.iter().map(|wanted| wanted.steps.iter().map(|steps| steps.to_array()).collect()).collect();
+        wanted.iter().map(|wanted| wanted.iter().map(|steps| steps.to_array()).collect()).collect();
     let centers: Vec<&[[f32; 3]]> = centers.iter().map(Vec::as_slice).collect();
-    let layout = Layout::new(&segments, wanted.len(), &lower, &mesh.positions_m);
+    let layout = Layout::new(moved, wanted.len(), &lower, &mesh.positions_m);
     let centers = layout.rows(&centers);
 
     let mut chosen: Vec<[f32; 4]> = centers.iter().map(|values| values.map(f32::round)).collect();
@@ -59,7 +46,7 @@ pub fn quantise(mesh: &Mesh, segments: &[Segment], wanted: &[Wanted], radius: f3
         chosen = choice.chosen;
     }
     let mut steps = vec![Vec::new(); wanted.len()];
-    for patch in patches(&segments) {
+    for patch in patches(moved) {
         append(&patch, &chosen, layout.quads(), &mut steps);
     }
     steps
@@ -236,8 +223,8 @@ mod tests {
     use super::*;
     use crate::pack::codec::Writer;
 
-    /// A sheet of `side` times `side` vertices in two segments, of which only the first moves with every field.
-    fn sheet(side: u32) -> (Mesh, Vec<Segment>) {
+    /// A sheet of `side` times `side` vertices in two runs, of which only the first moves with every field.
+    fn sheet(side: u32) -> (Mesh, [(usize, Vec<u16>); 2]) {
         let place = |v: u32| Vec3::new((v % side) as f32, (v / side) as f32, 0.0) * 0.01;
         let corner = |v: u32| [[v, v + 1, v + side], [v + 1, v + side + 1, v + side]];
         let cells = (0..side * (side - 1)).filter(|v| v % side + 1 < side);
@@ -246,35 +233,32 @@ mod tests {
             triangles: cells.flat_map(corner).collect(),
             ..Mesh::default()
         };
-        let half = side * side / 2;
-        let segment = |vertex_count: u32| Segment { vertex_count, drivers: vec![0], masks: Vec::new() };
-        (mesh, vec![segment(half), segment(side * side - half)])
+        let (count, half) = ((side * side) as usize, (side * side / 2) as usize);
+        (mesh, [(half, vec![0, 1, 2]), (count - half, vec![0, 2])])
     }
 
     /// Waves with noise of half a step, the second field like the first.
-    fn fields(vertex_count: usize, half: usize) -> Vec<Wanted> {
+    fn fields(vertex_count: usize, half: usize) -> Vec<Vec<Vec3>> {
         let mut state = 7u32;
         let mut noise = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (state >> 8) as f32 / (1 << 24) as f32 - 0.5
         };
-        let mut field = |segments: Vec<u16>, count: usize, phase: f32| {
+        let mut field = |count: usize, phase: f32| -> Vec<Vec3> {
             let step = |v: usize| {
                 let wave = 40.0 * libm::sinf(v as f32 * 0.011 + phase);
                 Vec3::new(wave + noise(), 0.5 * wave + noise(), noise())
             };
-            let steps = (0..count).map(step).collect();
-            Wanted { segments, steps }
+            (0..count).map(step).collect()
         };
-        vec![field(vec![0, 1], vertex_count, 0.0), field(vec![0], half, 0.2), field(vec![0, 1], vertex_count, 2.0)]
+        vec![field(vertex_count, 0.0), field(half, 0.2), field(vertex_count, 2.0)]
     }
 
     #[test]
     fn points_stay_within_their_balls_and_take_fewer_bytes_than_the_nearest() {
-        let (mesh, segments) = sheet(40);
-        let (count, half) = (mesh.positions_m.len(), segments[0].vertex_count as usize);
+        let (mesh, moved) = sheet(40);
+        let (count, half) = (mesh.positions_m.len(), moved[0].0);
         let wanted = fields(count, half);
-        let moved = [(half, vec![0, 1, 2]), (count - half, vec![0, 2])];
         let lower = Lower::new(count, &[], &mesh.triangles);
         let bytes = |steps: &[Vec<[i16; 3]>]| {
             let steps: Vec<&[[i16; 3]]> = steps.iter().map(Vec::as_slice).collect();
@@ -282,13 +266,13 @@ mod tests {
             super::super::write(&steps, &moved, &lower, &mesh.positions_m, &mut to);
             to.bytes.len()
         };
-        let nearest = |wanted: &Wanted| wanted.steps.iter().map(|s| s.round().to_array().map(|s| s as i16)).collect();
+        let nearest = |wanted: &Vec<Vec3>| wanted.iter().map(|s| s.round().to_array().map(|s| s as i16)).collect();
         let nearest: Vec<Vec<[i16; 3]>> = wanted.iter().map(nearest).collect();
         for radius in [0.867, 1.5] {
-            let chosen = quantise(&mesh, &segments, &wanted, radius);
+            let chosen = quantise(&mesh, &moved, &wanted, radius);
             for (steps, wanted) in chosen.iter().zip(&wanted) {
-                assert_eq!(steps.len(), wanted.steps.len());
-                for (step, wanted) in steps.iter().zip(&wanted.steps) {
+                assert_eq!(steps.len(), wanted.len());
+                for (step, wanted) in steps.iter().zip(wanted) {
                     let off = Vec3::from_array(step.map(f32::from)).distance(*wanted);
                     assert!(off <= radius * 1.0001, "{off} of {radius}");
                 }
@@ -302,10 +286,9 @@ mod tests {
 
     #[test]
     fn what_lies_at_the_end_of_the_numbers_stays_within_them() {
-        let (mesh, segments) = sheet(4);
+        let (mesh, _) = sheet(4);
         let end = Vec3::new(32766.9, -32766.9, 32767.0);
-        let wanted = Wanted { segments: vec![0, 1], steps: vec![end; 16] };
-        let chosen = quantise(&mesh, &segments, &[wanted], 1.0);
+        let chosen = quantise(&mesh, &[(16, vec![0])], &[vec![end; 16]], 1.0);
         assert!(chosen[0].iter().flatten().all(|&step| step.unsigned_abs() >= 32766), "{chosen:?}");
     }
 }

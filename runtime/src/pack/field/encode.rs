@@ -6,6 +6,9 @@ use crate::pack::codec::Writer;
 /// A reference must save so much to be worth naming: six bits, as [`cost`] counts them.
 const NAMING: u32 = 6 << 15;
 
+/// So many earlier fields are tried as references, the latest ones; more would take time, not bytes.
+const TRIED: usize = 64;
+
 /// Which fields move which vertices, and what predicts those along the mesh.
 pub(super) struct Layout<'a> {
     /// Vertex counts, and the fields that move them.
@@ -80,7 +83,8 @@ impl<'a> Layout<'a> {
                 let naming = |number: u32| if number == own[usize::from(field)] { 0 } else { NAMING };
                 let own: u32 = columns(field).as_flattened().iter().map(|left| cost(*left)).sum();
                 let (mut best, mut least) = (0, own + naming(0));
-                for &other in fields.iter().take_while(|other| **other < field) {
+                let earlier = &fields[..fields.partition_point(|other| *other < field)];
+                for &other in &earlier[earlier.len().saturating_sub(TRIED)..] {
                     for share in 0..4 {
                         let number = 1 + 4 * u32::from(other) + share;
                         let Some(Reference { share, .. }) = Reference::from_number(number) else { continue };

@@ -23,12 +23,15 @@ use glam::Vec3;
 use std::ops::Range;
 
 #[cfg(feature = "write")]
+use crate::arrays::Segment;
+
+#[cfg(feature = "write")]
 mod choice;
 #[cfg(feature = "write")]
 mod encode;
 
 #[cfg(feature = "write")]
-pub use choice::{Wanted, quantise};
+pub use choice::quantise;
 #[cfg(feature = "write")]
 pub(super) use encode::write;
 
@@ -190,6 +193,18 @@ fn whole(value: f32) -> i16 {
 /// Rows hold the vectors of all fields side by side, and are filled up to whole vectors of four numbers.
 fn quads(field_count: usize) -> usize {
     (3 * field_count).div_ceil(4)
+}
+
+/// Per segment its vertex count and the fields that move it, ascending, from what each field moves.
+#[cfg(feature = "write")]
+#[must_use]
+pub fn moved<'a>(segments: &[Segment], fields: impl Iterator<Item = &'a [u16]>) -> Vec<(usize, Vec<u16>)> {
+    let mut moved: Vec<(usize, Vec<u16>)> =
+        segments.iter().map(|segment| (segment.vertex_count as usize, Vec::new())).collect();
+    for (number, segments) in fields.enumerate() {
+        segments.iter().for_each(|&segment| moved[usize::from(segment)].1.push(number as u16));
+    }
+    moved
 }
 
 /// A run of vertices of one segment, and the fields that are not zero there.

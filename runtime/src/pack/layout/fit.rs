@@ -1,7 +1,7 @@
-//! The sections of a fit: bodies, dimensions and rules; the displacement fields; the texture coordinates of the sizes.
+//! The sections of a fit: bodies, dimensions and rules; the texture coordinates of the sizes.
 
 use crate::arrays::limits as garment_limits;
-use crate::fit::{Dimension, Field, FitData, SizeBody, limits};
+use crate::fit::{Dimension, FitData, SizeBody, limits};
 use crate::garment::Garment;
 use crate::measurement::{Measurement, Measurements};
 use crate::pack::ContentProblem;
@@ -202,112 +202,6 @@ fn write_program(program: &[Op], to: &mut Writer) {
             }
         }
     }
-}
-
-/// How the fields of a size are told apart: every vertex belongs to a part, whose field is what the others leave of the sum. So the noise
-/// of a size is written once, and elsewhere fields are smooth.
-struct FieldCoding {
-    predictor: Predictor,
-    /// The first part of which each vertex is a corner.
-    owner: Vec<u16>,
-    parts: usize,
-}
-
-impl FieldCoding {
-    fn new(garment: &Garment) -> FieldCoding {
-        let mesh = &garment.data().mesh;
-        let triangles = unique_triangles(garment);
-        let mut owner = vec![u16::MAX; garment.unique_count()];
-        let counts =
-            mesh.parts.iter().zip(0..).flat_map(|(p, part)| std::iter::repeat_n(part, p.triangle_count as usize));
-        for (corners, part) in triangles.iter().zip(counts) {
-            corners.iter().for_each(|&v| owner[v as usize] = owner[v as usize].min(part));
-        }
-        let parts = mesh.parts.len();
-        // Where no triangle is, any part will do.
-        owner.iter_mut().for_each(|owner| *owner = (*owner).min(parts.saturating_sub(1) as u16));
-        FieldCoding { predictor: Predictor::new(garment.unique_count(), &triangles), owner, parts }
-    }
-
-    /// The kind of residual of the sum over the parts, after those of the parts.
-    fn sum(&self) -> usize {
-        self.parts
-    }
-}
-
-fn unique_triangles(garment: &Garment) -> Vec<[u32; 3]> {
-    let mesh = &garment.data().mesh;
-    let unique = |v: u32| mesh.unique(v);
-    mesh.triangles.iter().map(|corners| corners.map(unique)).collect()
-}
-
-/// The section `FLDS`, of as many sizes as the fit has.
-pub(in crate::pack) fn read_fields(
-    garment: &Garment,
-    sizes: usize,
-    from: &mut Reader<'_>,
-) -> Result<Vec<Field>, ContentProblem> {
-    let coding = FieldCoding::new(garment);
-    let (parts, count) = (coding.parts, garment.unique_count());
-    let steps = (0..parts * sizes).map(|_| from.f32()).collect::<Result<Vec<f32>, _>>()?;
-    let length = from.u32()? as usize;
-    let bits = from.take(length)?;
-    // Before anything is allocated: every value takes a bit at least.
-    let values = (parts * sizes).saturating_mul(3 * count);
-    if values > 8 * length || values / 3 > limits::DELTAS {
-        return Err(ContentProblem::Ends { needed: values.div_ceil(8), left: length });
-    }
-    from.allow(2 * values)?;
-    let mut fields: Vec<Field> =
-        steps.into_iter().map(|step_m| Field { step_m, deltas: vec![[0; 3]; count] }).collect();
-    let mut reader = ResidualReader::new(bits, parts + 1);
-    // The values of every part, then of their sum.
-    let mut known = vec![vec![0i32; count]; if parts == 0 { 0 } else { parts + 1 }];
-    for size in 0..if parts == 0 { 0 } else { sizes } {
-        for axis in 0..3 {
-            for v in 0..count {
-                let owner = usize::from(coding.owner[v]);
-                known[coding.sum()][v] = reader.value(coding.sum(), &coding.predictor, v, &known[coding.sum()]);
-                let mut rest = known[coding.sum()][v];
-                for part in (0..parts).filter(|part| *part != owner) {
-                    known[part][v] = reader.value(part, &coding.predictor, v, &known[part]);
-                    rest = rest.wrapping_sub(known[part][v]);
-                }
-                known[owner][v] = rest;
-            }
-            for (part, known) in known[..parts].iter().enumerate() {
-                for (delta, known) in fields[part * sizes + size].deltas.iter_mut().zip(known) {
-                    delta[axis] = *known as i16;
-                }
-            }
-        }
-    }
-    reader.finish()?;
-    Ok(fields)
-}
-
-#[cfg(feature = "write")]
-pub(in crate::pack) fn write_fields(garment: &Garment, fit: &FitData, to: &mut Writer) {
-    let coding = FieldCoding::new(garment);
-    let (parts, sizes) = (coding.parts, fit.size_count());
-    fit.fields.iter().for_each(|field| to.f32(field.step_m));
-    let mut writer = ResidualWriter::new(parts + 1);
-    for size in 0..if parts == 0 { 0 } else { sizes } {
-        for axis in 0..3 {
-            let value = |field: &Field| field.deltas.iter().map(|delta| i32::from(delta[axis])).collect();
-            let mut values: Vec<Vec<i32>> = (0..parts).map(|part| value(&fit.fields[part * sizes + size])).collect();
-            values.push((0..garment.unique_count()).map(|v| values.iter().map(|part| part[v]).sum()).collect());
-            for v in 0..garment.unique_count() {
-                writer.value(coding.sum(), &coding.predictor, v, &values[coding.sum()]);
-                for part in (0..parts).filter(|part| *part != usize::from(coding.owner[v])) {
-                    writer.value(part, &coding.predictor, v, &values[part]);
-                }
-            }
-        }
-    }
-    let bits = writer.finish();
-    to.count(bits.len());
-    to.take(&bits);
 }
 
 /// The section `SZUV`, of as many sizes as the fit has.
