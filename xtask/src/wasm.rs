@@ -13,7 +13,8 @@ const MODULES: [(&str, &[&str]); 2] = [("kitsuke.wasm", &[]), ("kitsuke-core.was
 ///
 /// The files are committed, so that a viewer needs no compiler for the web; build them anew when the runtime's frames, packs or interface
 /// change. Needs the target wasm32-unknown-unknown (`rustup target add wasm32-unknown-unknown`). Where only another compiler knows it,
-/// name that compiler in KITSUKE_WASM_RUSTC, with the sources of its standard library installed (Debian: rustc-web and rust-web-src).
+/// name that compiler in KITSUKE_WASM_RUSTC, 1.91 or later, with the sources of its standard library installed (Debian 14: rustc and rust-src; rustc-web
+/// of Debian 12 is too old).
 #[derive(clap::Args)]
 pub struct Args {}
 
